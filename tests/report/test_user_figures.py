@@ -76,7 +76,7 @@ def test_a_summary_and_a_page_name_user_coordinates(plan: planner.Plan) -> None:
     assert check.terminal_error_deg.shape == (2,)
     comparison = planner.compare(plan.problem, ["polynomial"], samples=1)
     facts = task_facts(comparison)
-    assert ("Limits of coordinates", "|x| ≤ 0.8 m") in facts
+    assert dict(facts)["limits.q.x"].startswith("at most 0.8 m")
 
 
 def test_the_explorer_has_a_slider_of_the_travel_where_that_is_given(

@@ -334,28 +334,8 @@ def knee_sentence(curve: TradeOff) -> str:
     what, before, after = "a total", first.total_deg, knee.total_deg
     if knee.passive_deg < PASSIVE_SHARE * first.passive_deg:
         what, before, after = "a passive block", first.passive_deg, knee.passive_deg
-    reached, start = distinct_texts(after, before)
-    return f"at the knee {cost} gives {what} of {reached} instead of {start}"
-
-
-def distinct_texts(*angles: float) -> list[str]:
-    """Format angles in degrees with the fewest digits, at least two, that distinguish them."""
-    for digits in range(2, 8):
-        texts = [_degrees(angle, digits) for angle in angles]
-        if len(set(texts)) == len(set(angles)):
-            break
-    return texts
-
-
-def _degrees(angle: float, digits: int) -> str:
-    """Return an angle as text; one below an encoder's resolution becomes "less than ... deg"."""
-    if abs(angle) < ENCODER_DEG:
-        return f"less than {ENCODER_DEG:g} deg"
-    places = max(digits - 1 - int(np.floor(np.log10(abs(angle)))), 0)
-    return f"{angle:.{places}f} deg"
-
-
-ENCODER_DEG = 0.001
+    both = f"{number(after, 4)} deg instead of {number(before, 4)}"
+    return f"at the knee {cost} gives {what} of {both}"
 
 
 def _responses(ax: Any, curve: TradeOff) -> None:

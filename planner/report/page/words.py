@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from planner.comparison.comparison import Comparison
 from planner.problem.problem import Problem
-from planner.problem.requirements.requirement import Part
 from planner.report.figures.style import colour_numbers, readable_name, to_display
 from planner.support.tables import constant_text
 from planner.systems.triangular_system import Coordinate, TriangularSystem
@@ -51,7 +50,7 @@ def verdict_html(comparison: Comparison) -> str:
 def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
     """Return pairs of name and value, in plain text, that describe the task."""
     problem = comparison.problem
-    system, limits = problem.system, problem.limits
+    system = problem.system
     first = system.coordinates[0]
     travel = "free" if problem.travel is None else f"{problem.travel:g} {first.unit}"
     out = [
@@ -59,41 +58,26 @@ def task_facts(comparison: Comparison) -> list[tuple[str, str]]:
         ("Travel", f"{readable_name(first.name)}: {travel}"),
         ("Duration", "free" if problem.duration is None else f"{problem.duration:g} s"),
     ]
-    for c, most, rate in zip(system.inputs, limits.input, limits.input_rate, strict=True):
-        name = readable_name(c.name)
-        if np.isfinite(most):
-            out.append((f"Limit of {name}", f"|{name}| ≤ {most:g} {c.unit}"))
-        if np.isfinite(rate):
-            out.append((f"Limit of its rate, {name}", f"{rate:g} {c.unit}/s"))
-    out += _joint_limits(problem)
-    if limits.z2_margin is not None:
-        out.append(("Distance from z₂ = 0", f"at least {limits.z2_margin:g}"))
-    apart = problem.self_collision
-    if apart is not None:
-        out.append(("Distance of links from each other", f"at least {apart.clearance:g} m"))
-    others = (*problem.kind_limits, *problem.registered_limits)
-    out += [_limit_fact(part) for each in others if each is not apart for part in each.parts]
+    out += _limits(problem)
     name = comparison.machine.source or comparison.machine.preset
     machines = f"{comparison.samples} drawn from “{name}”"
     return [*out, ("Machines", machines), ("Seed", str(comparison.seed))]
 
 
-def _limit_fact(part: Part) -> tuple[str, str]:
-    sides = ("at least", part.low), ("at most", part.high)
-    ends = [f"{word} {side:g} {part.unit}".rstrip() for word, side in sides if np.isfinite(side)]
-    return f"Limit: {part.label}", ", ".join(ends)
-
-
-def _joint_limits(problem: Problem) -> list[tuple[str, str]]:
-    by_value: dict[str, list[str]] = {}
-    system = problem.system
-    limited = range(system.size) if system.has_user_coordinates else system.limited
-    for i in limited:
-        most, c = float(problem.limits.user[i]), system.user_coordinates[i]
-        if np.isfinite(most):
-            by_value.setdefault(_amount(c, most, "g"), []).append(f"|{readable_name(c.name)}|")
-    what = "coordinates" if system.has_user_coordinates else "angles"
-    return [(f"Limits of {what}", f"{', '.join(who)} ≤ {most}") for most, who in by_value.items()]
+def _limits(problem: Problem) -> Iterator[tuple[str, str]]:
+    """Yield the key of each limit, and in words its value and what it limits."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for demand, part in ((d, part) for d in problem.demands for part in d.parts):
+        key = part.key or f"limits.{demand.key}" * bool(demand.key)
+        low, high = to_display(np.array([part.low, part.high]), part.unit).tolist()
+        sides = [("at most", high)] if low == -high else [("at least", low), ("at most", high)]
+        ends = [f"{word} {side:g}" for word, side in sides if np.isfinite(side)]
+        unit = "°" if part.unit == "rad" else f" {part.unit}".rstrip()
+        if key:
+            groups.setdefault((key, f"{', '.join(ends)}{unit}"), []).append(part.label)
+    for (key, words), labels in groups.items():
+        more = f" and {len(labels) - 4} more" * (len(labels) > 4)  # of pairs of links
+        yield key, f"{words} ({', '.join(labels[:4])}{more})"
 
 
 def constants(system: TriangularSystem) -> str:

@@ -1,34 +1,30 @@
-"""A study of designs as one picture: the trade-off, and figures of merit over the designs."""
+"""Pictures of sweeps and of design studies: the trade-off, and figures of merit over designs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from planner.report.figures.style import colours, grid, make_logarithmic
-from planner.sweep.results import Record, statuses_by_method
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-from typing import TYPE_CHECKING, Any
 
 from planner.errors import expect
 from planner.report.figures.style import (
     COLOURS,
+    colours,
     escape_math,
+    grid,
     heading,
     legend,
+    make_logarithmic,
     write_beside,
 )
 from planner.support.tables import number
 from planner.sweep.design.figures import CONTACT_LOAD, DesignFigure, DesignRow
 from planner.sweep.design.result import DesignStudy
+from planner.sweep.results import Record, statuses_by_method
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Picture
+    from matplotlib.figure import Figure
 
 COLOUR_MAP = "Blues"
 """Colour map; dark for large values."""
@@ -43,7 +39,7 @@ MAX_LABELS = 8
 """Largest number of labelled points of the Pareto front; more labels would overlap."""
 
 
-def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Picture, Any]:
+def plot_design(study: DesignStudy, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw the Pareto front, and maps or bars of the most important figures of merit.
 
     Figures of merit are maps if the designs form a grid over two numeric design variables,

@@ -1,4 +1,4 @@
-"""The result of a design study: a table, a picture, a folder."""
+"""A design study, run as a sweep, and its result: a table, a picture, a folder."""
 
 from __future__ import annotations
 

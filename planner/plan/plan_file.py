@@ -63,15 +63,9 @@ def _aim(data: Mapping[str, Any]) -> Objective:
 
 
 def _clock(made_from: Mapping[str, Any], original: Plan, path: str | Path) -> Clock:
-    """Return the checked clock of a file; older files have only the holds at both ends."""
+    """Return the checked clock of a file."""
     seconds = original.duration
-    if said := made_from.get("clock"):
-        clock = Clock(tuple(said["t"]), tuple(said["s"]))
-    elif "lead_s" in made_from:
-        ends = [(0.0, made_from["lead_s"]), (seconds, made_from.get("tail_s", 0.0))]
-        clock = Clock.with_holds(seconds, ends)
-    else:
-        raise InputError(f"{path}: compensation.clock is missing; compensate the plan again")
+    clock = Clock(tuple(made_from["clock"]["t"]), tuple(made_from["clock"]["s"]))
     why = clock.flaw
     if not why and abs(clock.seconds - seconds) > ROUNDING * max(1.0, seconds):
         why = f"the clock ends at {clock.seconds:.6g} s, but the plan lasts {seconds:.6g} s"
@@ -243,15 +237,7 @@ class CompensationOfTable(Table):
 
     plan: dict[str, Any] = Field(description="The original plan, which follows the kinematics.")
     machine: dict[str, Any] = Field(description="The [machine] table of the compensated machine.")
-    clock: ClockTable | None = Field(
-        None, description="The original plan's clock while the commands run."
-    )
-    lead_s: Amount | None = Field(
-        None, description="Earlier versions, instead of clock: hold before the plan, s."
-    )
-    tail_s: Amount | None = Field(
-        None, description="Earlier versions, instead of clock: hold after the plan, s."
-    )
+    clock: ClockTable = Field(description="The original plan's clock while the commands run.")
 
 
 class ClockTable(Table):

@@ -9,7 +9,7 @@ import difflib
 import reprlib
 from collections.abc import Collection, Mapping, Sequence
 from itertools import islice
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -34,9 +34,6 @@ class Table(BaseModel):
     def model_post_init(self, _: Any) -> None:
         """Make lists and dictionaries read-only, like the table itself."""
         vars(self).update({name: frozen(value) for name, value in vars(self).items()})
-
-    former: ClassVar[Mapping[str, str]] = {}
-    """Keys of earlier versions, each with a note on what replaced it."""
 
 
 def parse(model: type[Model], data: Any, source: str) -> Model:
@@ -151,9 +148,6 @@ def _line(model: type[BaseModel], path: Path, group: Sequence[Any]) -> str:
     where, value = _dot(path), shorten(_short_repr.repr(group[0]["input"]))
     match group[0]["type"]:
         case "extra_forbidden":
-            former = getattr(_table_at(model, path[:-1]), "former", {}).get(path[-1])
-            if former:
-                return f"'{where}' = {value}: {former}"
             keys = _keys_at(model, path[:-1])
             hint = _home_table(model, path) or allowed_hint(str(path[-1]), keys)
             return f"unknown key '{where}' (value {value}); {hint}"

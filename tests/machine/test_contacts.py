@@ -216,13 +216,6 @@ def _first_part(plan: planner.Plan, end: float) -> planner.Plan:
     return plan_from(arm_problem([5.0, 5.0, 5.0], end=float(end)), speeds, pieces=20)
 
 
-def test_the_key_that_there_was_is_refused_with_the_new_one() -> None:
-    with pytest.raises(planner.InputError, match="use lateral_friction"):
-        planner.Machine.prototype(lateral_creep=0.02)
-    old = {**planner.Machine.ideal().to_dict(), "lateral_creep": False}  # of a plan's file
-    assert planner.Machine.from_table(old) == planner.Machine.ideal()
-
-
 @pytest.mark.parametrize("n", [2, 4])
 def test_the_prototypes_friction_goes_on_with_its_last_joint(n: int) -> None:
     friction = planner.Machine.prototype().mean("coulomb_friction_nm", n)

@@ -150,7 +150,7 @@ def test_the_clock_is_held_where_the_drive_turns_back(turning: Plan, better: Pla
     assert np.max(np.abs(better.q(end) - kinematic)[1:]) < np.deg2rad(0.6)
 
 
-def test_a_file_keeps_the_clock_and_older_files_are_read(better: Plan, tmp_path: Path) -> None:
+def test_a_file_keeps_the_clock(better: Plan, tmp_path: Path) -> None:
     path = better.save(tmp_path / "plan.json")
     read = planner.load_plan(path)
     assert read.verified
@@ -160,16 +160,10 @@ def test_a_file_keeps_the_clock_and_older_files_are_read(better: Plan, tmp_path:
     path.write_text(json.dumps(data), encoding="utf-8")
     with pytest.raises(planner.InputError, match=r"compensation\.clock"):
         planner.load_plan(path)
-    clock = data["compensation"].pop("clock")
+    del data["compensation"]["clock"]
     path.write_text(json.dumps(data), encoding="utf-8")
-    with pytest.raises(planner.InputError, match="compensate the plan again"):
+    with pytest.raises(planner.InputError, match=r"missing key 'compensation\.clock'"):
         planner.load_plan(path)
-    added = clock["t"][-1] - better.clock.seconds
-    data["compensation"] |= {"lead_s": added - 1.0, "tail_s": 1.0}
-    path.write_text(json.dumps(data), encoding="utf-8")
-    old = planner.load_plan(path)
-    assert (old.lead_s, old.tail_s) == pytest.approx((added - 1.0, 1.0))
-    assert old.clock.holds == ()
 
 
 def test_the_drive_misses_what_axes_need_by_the_least() -> None:

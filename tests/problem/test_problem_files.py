@@ -19,9 +19,10 @@ def shipped(kind: str) -> planner.Problem:
     return planner.load_problem(ROOT / f"problems/{kind}.toml")
 
 
-def test_tables_in_place_of_a_file_are_sent_to_what_takes_them() -> None:
-    with pytest.raises(InputError, match=r"planner\.Problem\.from_dict\(\{\.\.\.\}\) takes tables"):
-        planner.load_problem({"system": {}})  # type: ignore[arg-type]
+def test_tables_in_place_of_a_file_are_the_problem() -> None:
+    car = shipped("car")
+    assert planner.load_problem(car.to_dict()) == car
+    assert planner.load_problem(car.to_dict(), {"goal.x_m": 2.0}) == car.changed({"goal.x_m": 2.0})
 
 
 def test_trailers_in_their_units() -> None:

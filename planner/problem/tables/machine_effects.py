@@ -10,9 +10,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, GetCoreSchemaHandler, model_validator
+from pydantic import Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from planner.support.user_tables import Table, allowed_hint
@@ -216,19 +216,6 @@ class MachineTable(Table):
     Each effect is a number, a list (one per motor or joint), `{ value = …, spread = … }`, or false,
     which switches it off. Effects that are left out are as in the preset.
     """
-
-    former: ClassVar[Mapping[str, str]] = {
-        "lateral_creep": "this key was removed; use lateral_friction, the friction sideways"
-        " relative to that along the drive (0 ... 1)"
-    }
-
-    @model_validator(mode="before")
-    @classmethod
-    def _forget_what_is_off(cls, data: Any) -> Any:
-        """Drop removed effects that are off, since older plan files list every effect."""
-        if not isinstance(data, Mapping):
-            return data
-        return {k: v for k, v in data.items() if not (k in cls.former and v is False)}
 
     preset: Literal["prototype", "ideal"] = Field("prototype", description="Preset to start from.")
     step_s: Annotated[float, Field(gt=0, le=0.01)] | None = Field(

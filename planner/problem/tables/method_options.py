@@ -8,9 +8,9 @@ read, from these tables.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 from pydantic.fields import FieldInfo
 
 from planner.support.user_tables import Pair, Table
@@ -170,11 +170,6 @@ class LegOptions(TravelOptions):
         " `criterion`; mean: the paper's rule, the mean of z(0), often a poor choice.",
     )
 
-    @field_validator("offset", mode="before")
-    @classmethod
-    def _read_omission_as_mean(cls, offset: object) -> object:
-        return "mean" if offset is None else offset  # in plans of earlier versions
-
 
 class PolynomialOptions(LegOptions):
     """Options of the paper's polynomial method."""
@@ -321,15 +316,6 @@ class CollocationOptions(Table):
         " over, the best verified plan found is returned with the status 'time_limit'; without one,"
         " a refusal says how far the search got.",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read_former_options(cls, table: Any) -> Any:
-        """Drop options of earlier versions, which no longer have an effect."""
-        if not isinstance(table, dict):
-            return table
-        rest = {key: value for key, value in table.items() if key != "variations"}
-        return rest | ({"start": "auto"} if rest.get("start") in ("polynomial", "convex") else {})
 
 
 class ConvexOptions(Table):

@@ -105,15 +105,3 @@ def test_a_term_that_collocation_cannot_minimise_is_refused() -> None:
     assert Objective("own", {"of the method": 1.0}).weights.tolist() == [0.0] * 6
     with pytest.raises(ValueError, match="no integral for the term 'chart peak'"):
         _ = Objective("new", {"effort": 1.0, "chart peak": 1.0}).weights
-
-
-@pytest.mark.parametrize("start", ["polynomial", "convex"])
-def test_options_of_earlier_versions_load_and_change_nothing(
-    paper: planner.Problem, plans: dict[str, planner.Plan], start: str
-) -> None:
-    former = {"method.collocation": {"start": start, "variations": 12}}
-    plan = planner.solve(paper.changed(former), "collocation")
-    assert plan.options["start"] == "auto"
-    assert "variations" not in plan.options
-    assert plan.notes["start"] == "straight"
-    assert plan.objective == plans["effort"].objective

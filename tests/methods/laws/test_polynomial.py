@@ -158,11 +158,6 @@ def test_an_offset_can_be_chosen_for_the_margin(paper: planner.Problem) -> None:
     assert widest >= margin(offset="mean")
 
 
-def test_an_offset_left_out_by_an_earlier_version_was_the_mean(paper: planner.Problem) -> None:
-    data = paper.to_dict() | {"method": {"polynomial": {"offset": None}}}
-    assert planner.Problem.from_dict(data).methods.polynomial.offset == "mean"
-
-
 # -- the paper's example in numbers (theory.md §5) ---------------------------------------------
 
 

@@ -86,8 +86,9 @@ def sweep(
     written = export_to and export(path, export_to, outcome.sweep)
     columns, records = read(path, outcome.sweep)
     counts = statuses_by_method(records)
+    take, headline = recommend(columns, records)
     if figure is not None:
-        write_figure(figure, draw_sweep(columns, records))
+        write_figure(figure, draw_sweep(columns, records, f"{task.name}: {headline}"))
     if outcome.bugs:
         say(f"{outcome.bugs} cases ended with a bug; see the column 'traceback'", "red")
     same = outcome.points - outcome.cases
@@ -105,7 +106,6 @@ def sweep(
         rows.append((label, words + "".join(others)))
     methods = {k: {"solved": c["solved"], "cases": c.total()} for k, c in counts.items()}
     data = {**asdict(outcome), "methods": methods, "file": file}
-    take, headline = recommend(columns, records)
     data |= {"written": written, "figure": figure, "recommended": take, "headline": headline}
     return finish(data, task.name, facts(rows), "", headline, status=1 if outcome.bugs else 0)
 

@@ -57,11 +57,16 @@ def test_one_picture_shows_what_each_method_solves(run: Callable[..., Any], file
     assert result.json["recommended"] == "polynomial"
     assert (file.parent / "goals.png").read_bytes().startswith(b"\x89PNG")
     columns, records = read(file.parent / "short.sqlite")
-    bars, efforts = draw_sweep(columns, records).axes
+    drawn = draw_sweep(columns, records, "short: take one")
+    assert drawn.get_suptitle() == "short: take one"
+    bars, efforts = drawn.axes
     assert "polynomial: 1 of 3" in [text.get_text() for text in bars.texts]
     marks = {line.get_label(): line.get_xydata() for line in efforts.lines}
     solved = [r for r in records if r["solved"]]
-    assert {label: len(xy) for label, xy in marks.items()} == {r["method"]: 1 for r in solved}
+    methods = [r["method"] for r in solved]
+    assert {label: len(marks[label]) for label in methods} == dict.fromkeys(methods, 1)
+    refused = [len(marks[f"{label}: refused"]) for label in ("polynomial", "piecewise")]
+    assert sum(refused) + len(solved) == len(records)
     one = next(r for r in solved if r["method"] == "polynomial")
     assert marks["polynomial"].tolist() == [[30.0, one["effort"]]]
     assert efforts.get_xlabel() == "goal.duration"

@@ -18,6 +18,7 @@ from planner.report.figures.style import (
     make_logarithmic,
     write_beside,
 )
+from planner.support.files import toml
 from planner.support.tables import number
 from planner.sweep.design.figures import CONTACT_LOAD, DesignFigure, DesignRow
 from planner.sweep.design.result import DesignStudy
@@ -249,15 +250,17 @@ def _bars(ax: Any, study: DesignStudy, figure: DesignFigure) -> None:
     ax.set_title(_figure_title(study, figure), fontsize=9)
 
 
-def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
+def draw_sweep(columns: Sequence[str], records: Sequence[Record], title: str = "") -> Figure:
     """Draw the solved cases of each method, the effort of each solved case, and E if replayed.
 
-    Refused cases have no dot. If only one key is varied and its values are numbers, these values
-    are the horizontal axis; otherwise the axis counts the points of the sweep.
+    Refused cases are crosses at the bottom. If only one key is varied and its values are numbers,
+    these values are the horizontal axis; otherwise the axis names the points of the sweep, or
+    counts them if there are many.
 
     Args:
         columns: Names of the columns; those before `method` are the varied keys.
         records: The finished cases; `planner.sweep.results.read` gives both.
+        title: Title above the figure.
     """
     counts = statuses_by_method(records)
     colour = colours(list(counts))
@@ -275,24 +278,32 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record]) -> Figure:
     ax.invert_yaxis()
     ax.set_xlabel("solved cases")
     ax.xaxis.get_major_locator().set_params(integer=True)
-    places, name = _places(columns[: columns.index("method")], records)
+    keys = columns[: columns.index("method")]
+    places, names = _places(keys, records)
     for ax, (key, text) in zip(axes[0, 1:], rows, strict=True):
-        for label in counts:
-            mine = [
-                (places[k], r[key])
-                for k, r in enumerate(records)
-                if r["method"] == label and r["solved"] and r[key] is not None
-            ]
-            if mine:
-                ax.plot(*np.transpose(mine), "o", color=colour[label], label=label, alpha=0.8)
-        ax.set_xlabel(name)
-        if name == POINT:
+        for j, label in enumerate(counts):
+            mine = [(x, r) for x, r in zip(places, records, strict=True) if r["method"] == label]
+            dots = [(x, r[key]) for x, r in mine if r["solved"] and r[key] is not None]
+            if dots:
+                ax.plot(*np.transpose(dots), "o", color=colour[label], label=label, alpha=0.8)
+            refused = [x for x, r in mine if not r["solved"]]
+            look = {"color": colour[label], "label": f"{label}: refused", "markersize": 4}
+            height = [0.02 + 0.03 * j] * len(refused)
+            ax.plot(refused, height, "x", transform=ax.get_xaxis_transform(), **look)
+        ax.set_xlabel(", ".join(keys) if len(names) <= MOST_NAMES else POINT)
+        if 0 < len(names) <= MOST_NAMES:
+            ax.set_xticks(range(1, len(names) + 1), names, rotation=40, ha="right", fontsize=8)
+        elif names:
             ax.xaxis.get_major_locator().set_params(integer=True)
-        ax.set_ylabel(text)
+        ax.set_ylabel(f"{text}; x: refused")
         if ax.has_data():
             make_logarithmic(ax.yaxis)
+    heading(figure, title, ours=True)
     return figure
 
+
+MOST_NAMES = 20
+"""Most points of a sweep whose names fit below an axis."""
 
 _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
 """Look of the box behind the counts, which keeps the counts readable on every colour."""
@@ -301,10 +312,11 @@ _PAPER = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
 POINT = "point (in the order of the sweep)"
 
 
-def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], str]:
-    """Return the position of each case along the horizontal axis, and the label of the axis."""
+def _places(keys: Sequence[str], records: Sequence[Record]) -> tuple[list[float], list[str]]:
+    """Return the place of each case along the horizontal axis, and the names of the places 1, 2 …;
+    no names if the places are the values of the varied key."""
     if len(keys) == 1 and all(type(r[keys[0]]) in (int, float) for r in records):
-        return [float(r[keys[0]]) for r in records], keys[0]
+        return [float(r[keys[0]]) for r in records], []
     points: dict[str, int] = {}
-    texts = (repr([r[key] for key in keys]) for r in records)
-    return [float(points.setdefault(text, len(points) + 1)) for text in texts], POINT
+    texts = (", ".join(toml(r[key]) for key in keys) for r in records)
+    return [float(points.setdefault(text, len(points) + 1)) for text in texts], list(points)

@@ -9,20 +9,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count, product, repeat
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from planner.problem.problem import Problem
 from planner.problem.requirements.motion_limits import JointLimit
 from planner.problem.requirements.places import Obstacle
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.support.arrays import Array
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from planner.problem.problem import Problem
 
 BLOCK_STATES = 20_000
 """Number of states judged at once, so few that their distances stay in the cache."""

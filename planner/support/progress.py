@@ -96,16 +96,14 @@ def progress_listener(listener: Listener | None) -> Iterator[None]:
         _run.reset(token)
 
 
-def tell(doing: str) -> None:
-    """Report the current step of the search to the logger and all listeners."""
-    logger.info("%s", doing)
-    _notify(doing=doing)
-
-
-def report_motion(best: str) -> None:
-    """Report, in words, a motion that is better than all motions before."""
-    logger.info("motion found (%s)", best)
-    _notify(best=best)
+def tell(doing: str = "", best: str = "") -> None:
+    """Report the current step of the search to the logger and all listeners; or, in words, a motion
+    that is better than all motions before."""
+    logger.info("%s", doing or f"motion found ({best})")
+    for run in _runs():
+        run.doing, run.best = doing or run.doing, best or run.best
+        if run.listener is not None:
+            run.listener(run.now)
 
 
 def count(solves: int = 0, iterations: int = 0) -> None:
@@ -118,14 +116,6 @@ def count(solves: int = 0, iterations: int = 0) -> None:
 def current_progress() -> Progress | None:
     """Return the progress of the innermost running search; None outside of a search."""
     return next((run.now for run in _runs()), None)
-
-
-def _notify(doing: str = "", best: str = "") -> None:
-    """Set the step or the best motion of all running searches, and call their listeners."""
-    for run in _runs():
-        run.doing, run.best = doing or run.doing, best or run.best
-        if run.listener is not None:
-            run.listener(run.now)
 
 
 def _runs() -> Iterator[_Run]:

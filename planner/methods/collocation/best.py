@@ -151,7 +151,7 @@ class Record:
         self.candidates[exactness] = candidate
         if solved:
             kind = candidate.task.objective.kind
-            progress.report_motion(f"{kind} {candidate.solution.objective:.4g}")
+            progress.tell(best=f"{kind} {candidate.solution.objective:.4g}")
             if Exactness.EXACT not in self.candidates and deadline.remaining() < SHORT_OF_TIME_S:
                 self.make_exact()
         return candidate

@@ -11,7 +11,6 @@ line to either side and the first input reverses.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -174,27 +173,21 @@ def spreads(system: TriangularSystem, options: DesensitisedOptions) -> dict[str,
     ]
     out: dict[str, float] = {}
     for key, members, numbers, unit in given:
-        out |= _family(key, members, numbers, unit)
+        values = numbers if isinstance(numbers, list) else [numbers] * len(members)
+        if len(values) != len(members):
+            names = ", ".join(p.name for p in members) or "no parameter of this system"
+            raise InputError(
+                f"method.desensitised.{key} has {len(values)} values; give one number, or"
+                f" {len(members)} for {names}"
+            )
+        named = zip(members, values, strict=True)
+        out |= {p.name: float(value) * unit for p, value in named if value > 0}
     if not out:
         raise InputError(
             "method.desensitised: all standard deviations are zero, so there is no error to plan"
             " for; set gain, start_deg, bias, delay_s, stretch or gear"
         )
     return out
-
-
-def _family(
-    key: str, members: Sequence[ErrorParameter], numbers: float | list[float], unit: float
-) -> Mapping[str, float]:
-    values = numbers if isinstance(numbers, list) else [numbers] * len(members)
-    if len(values) != len(members):
-        names = ", ".join(p.name for p in members) or "no parameter of this system"
-        raise InputError(
-            f"method.desensitised.{key} has {len(values)} values; give one number, or"
-            f" {len(members)} for {names}"
-        )
-    named = zip(members, values, strict=True)
-    return {p.name: float(value) * unit for p, value in named if value > 0}
 
 
 def _search(

@@ -18,6 +18,7 @@ from .errors import VerificationError as VerificationError
 from .errors import Violation as Violation
 from .explorer.explore import explore as explore
 from .machine.feedback.homing import HomingRule as HomingRule
+from .machine.feedback.homing import Player as Player
 from .machine.feedback.tracker import Tracker as Tracker
 from .machine.identification.emulated import emulate_log as emulate_log
 from .machine.identification.identify import Identification as Identification

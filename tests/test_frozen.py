@@ -101,6 +101,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "DesignStudy": study,
     "Gear": lambda: GEAR,
     "HomingRule": planner.HomingRule,
+    "Player": lambda: planner.Player(plain()),
     "Identification": identification,
     "Limits": lambda: plain().problem.limits,
     "Log": log,

@@ -33,7 +33,11 @@ PROGRAMS = ("planner ", "cd ", "cc ")
 
 WALKS = {
     "readme": ["README.md"],
-    "commands": ["docs/howto/bench.md", "docs/reference/commands.md"],
+    "commands": [
+        "docs/howto/bench.md",
+        "docs/howto/before-the-motor-turns.md",
+        "docs/reference/commands.md",
+    ],
     **{
         name: [f"docs/{name}.md" if name == "start" else f"docs/howto/{name}.md"]
         for name in ("start", "compare", "design", "files", "sweep", "systems", "tune")

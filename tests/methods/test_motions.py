@@ -12,9 +12,12 @@ from planner import (
     InputError,
     InputWarning,
     Machine,
+    Player,
     Problem,
     VerificationError,
     check_run,
+    compensate,
+    emulate_log,
     excitation,
     export,
     homing,
@@ -161,3 +164,27 @@ def test_plans_start_from_the_poses_that_homing_leaves(paper: Problem) -> None:
         np.testing.assert_allclose(np.rad2deg(there.start[1:]), pose)
         assert solve(there, "collocation").verified
     assert paper.from_pose([3.0, 2.0, -9.0]).limits.z2_margin == 0.01
+
+
+def test_a_player_homes_by_the_encoders_and_ends(paper: Problem) -> None:
+    plan, machine = homing(paper), Machine.prototype()
+    log = emulate_log(plan, machine, sample=2)
+    run = replay(plan, machine, [2], feedback=HomingRule())
+    np.testing.assert_allclose(log.pose_deg, np.rad2deg(run.q[0, -1, 1:]), atol=0.03)
+    player = Player(plan, noise_deg=machine.encoder_noise_deg)
+    played = [player(t, theta) for t, theta in zip(log.t, log.theta_deg, strict=True)]
+    sent = np.array([u for u in played if u is not None])
+    until = plan.notes["until"]
+    assert len(sent) == np.argmax([u is None for u in played]) < 0.6 * plan.duration / 0.01
+    assert until["from_s"] < 0.01 * len(sent) - (plan.duration - until["to_s"]) < until["to_s"]
+    np.testing.assert_allclose(sent.sum(axis=0), log.u.sum(axis=0), atol=1e-9)
+
+
+def test_a_player_sends_what_an_export_has(paper: Problem, tmp_path: Path) -> None:
+    task = paper.changed({"limits.input_rate_rad_s2": [5.0, 5.0]})
+    plan = compensate(solve(task, "collocation"), Machine.prototype().nominal())
+    rows = load_samples(export(plan, tmp_path / "a.csv"))
+    player = Player(plan)
+    sent = [player(t, [0.0, 0.0, 0.0]) for t in rows.t]
+    np.testing.assert_allclose(sent[:-1], rows.u[:-1], atol=1e-12)
+    assert sent[-1] is None

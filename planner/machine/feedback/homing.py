@@ -8,12 +8,12 @@ rise which proves that every axis is ahead of its joint. Noise requires a larger
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from planner.errors import InputError
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine
-from planner.plan.plan import Plan
+from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
 from planner.support.arrays import Array
 
 RISE_SPREADS = 10.0
@@ -61,5 +61,48 @@ class HomingController:
         if until["from_s"] <= t < until["to_s"]:
             risen = np.all(joints - self._least > self._rise, axis=0)
             self.done_s = np.where(risen, np.minimum(self.done_s, t), self.done_s)
-        left_out = until["to_s"] - np.minimum(self.done_s, until["to_s"])
-        return np.asarray(self._u(t + left_out).T[None])
+        return np.asarray(self._u(t + self.left_out_s).T[None])
+
+    @property
+    def left_out_s(self) -> Array:
+        """Time of the slow turn that the encoders have cut off so far, (S,), s."""
+        return np.asarray(self._until["to_s"] - np.minimum(self.done_s, self._until["to_s"]))
+
+
+class Player:
+    """Commands of a plan, period by period, for the loop of your own controller.
+
+    A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them.
+
+    Args:
+        plan: An executable plan.
+        period_s: Time for which the motors hold a command, s.
+        noise_deg: Noise of the encoders, degrees, which sets the rise that ends the slow turn.
+
+    Raises:
+        InputError: If the plan is not executable.
+    """
+
+    def __init__(
+        self, plan: Plan, period_s: float = DEFAULT_TICK_S, noise_deg: float = 0.0
+    ) -> None:
+        expect_plan(plan)
+        refuse_inexecutable(plan)
+        self._plan, self._period_s, self._rule = plan, period_s, None
+        if "until" in plan.notes:
+            machine = Machine.ideal(encoder_noise_deg=noise_deg)
+            self._rule = HomingController(plan, machine, 1)
+
+    def __call__(self, t_s: float, theta_deg: ArrayLike) -> Array | None:
+        """Return the commands to both motors, (2,), rad/s, from `t_s` on; None after the end.
+
+        Args:
+            t_s: Time since the start, s.
+            theta_deg: Readings of the encoders, (n,), degrees.
+        """
+        if self._rule is not None:
+            self._rule(t_s, np.deg2rad([0.0, *np.asarray(theta_deg)])[:, None])
+            t_s += float(self._rule.left_out_s[0])
+        if t_s > self._plan.duration - self._period_s / 2:
+            return None
+        return np.asarray(self._plan.trajectory.u(t_s + self._period_s / 2))

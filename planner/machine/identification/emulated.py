@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.machine.feedback.course import DEFAULT_TICK_S
+from planner.machine.feedback.homing import HomingRule
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
 from planner.plan.plan import Plan, expect_plan
@@ -21,6 +22,8 @@ def emulate_log(
     noise_deg: float | None = None,
 ) -> Log:
     """Emulate the log of a plan on one machine, to practise identification without an arm.
+
+    The encoders end a homing motion, as `planner.HomingRule` does.
 
     Args:
         plan: An executable plan.
@@ -41,13 +44,18 @@ def emulate_log(
         used = used.with_(encoder_noise_deg=noise_deg)
     hold = used.effects.get("control_period_s")
     tick = hold.value[0] if hold else DEFAULT_TICK_S
-    run = replay(plan, used, [sample], seed, record_s=tick)
+    is_homing = "until" in plan.notes
+    run = replay(plan, used, [sample], seed, HomingRule() if is_homing else False, record_s=tick)
     t: Array = tick * np.arange(int(np.floor(run.t[-1] / tick + 1e-9)) + 1, dtype=np.float64)
     rows = np.searchsorted(run.t, t - 1e-9)
     read = run.measured[0, rows]
+    u = np.where((t < plan.duration - 1e-9)[:, None], plan.trajectory.u(t), 0.0)
+    if is_homing:
+        rule = HomingRule().start(plan, used, run.numbers)
+        u = np.array([rule(time, q[:, None])[0, :, 0] for time, q in zip(t, read, strict=True)])
     return Log(
         t=t,
-        u=np.where((t < plan.duration - 1e-9)[:, None], plan.trajectory.u(t), 0.0),
+        u=u,
         theta=read[:, 1:],
         source=f"{plan.method} on emulated machine {sample}",
     )

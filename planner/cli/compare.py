@@ -117,31 +117,33 @@ def compare(
     source = "" if machine is None else str(machine)
     _refuse_early(out, budget, report)
     result: Comparison | None = None
-    try:
-        with job() as progress:
-            result = run(
-                task,
-                join_methods(methods),
-                machine=replace(Machine.from_table(task.machine), source=source),
-                samples=sample or samples,
-                seed=seed,
-                feedback=feedback,
-                progress=progress,
-                time_limit_s=time_limit,
-            )
-    except KeyboardInterrupt:
-        if result is None:
-            raise
-    assert result is not None
+    with suppress(KeyboardInterrupt), job() as progress:
+        result = run(
+            task,
+            join_methods(methods),
+            machine=replace(Machine.from_table(task.machine), source=source),
+            samples=sample or samples,
+            seed=seed,
+            feedback=feedback,
+            progress=progress,
+            time_limit_s=time_limit,
+        )
+    if result is None:
+        raise KeyboardInterrupt
     # If the reader of the table leaves (`| head`), the folder is still written.
     gone = nullcontext() if out is None else suppress(ReaderGoneError)
     if not manner.as_json:  # now, because budgets and figures take a while
         with gone:
             _print_comparison(result)
     shares: dict[str, Budget] = {}
-    complete = (
-        result.complete and not is_interrupted() and (not budget or _add_budgets(shares, result))
-    )
+    complete = result.complete and not is_interrupted()
+    if budget and complete:
+        complete = False
+        with suppress(KeyboardInterrupt), job() as progress:
+            # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
+            numbers = {"samples": BUDGET_SAMPLES, "base": BUDGET_BASE, "seed": seed}
+            shares.update(error_budgets(result.plans, result.machine, progress, **numbers))
+            complete = not is_interrupted()
     if not manner.as_json:
         with gone:
             for share in shares.values():
@@ -196,18 +198,6 @@ def _say_results(
         sets = [word for change in changes or [] for word in ("--set", change)]
         command = ["planner", "check", result.problem.source, *sets]
         note(CommandLine.of(*command, after=f"no method has a plan; {help_}: "))
-
-
-def _add_budgets(shares: dict[str, Budget], result: Comparison) -> bool:
-    """Add each plan's error budget to `shares`; return False if Ctrl-C interrupted the work."""
-    try:
-        with job() as progress:
-            # `update` adds pairs one by one, so that budgets finished before Ctrl-C stay.
-            numbers = {"samples": BUDGET_SAMPLES, "base": BUDGET_BASE, "seed": result.seed}
-            shares.update(error_budgets(result.plans, result.machine, progress, **numbers))
-    except KeyboardInterrupt:
-        return False
-    return True
 
 
 def _print_comparison(result: Comparison) -> None:

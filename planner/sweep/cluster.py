@@ -18,7 +18,7 @@ from planner.errors import InputError, InputWarning
 from planner.support.package import how_to_install, versions
 from planner.support.tables import shorten
 from planner.sweep.case import Request, Row, run_case
-from planner.sweep.pools import death_row
+from planner.sweep.pools import Pool, death_row
 
 CASES_A_THREAD = 2
 """Cases submitted for each thread of the workers: one runs and the next is there when it ends. More
@@ -37,7 +37,7 @@ SAME = ("planner", "casadi")
 """Packages whose versions must be the same here and on every worker."""
 
 
-class ClusterPool:
+class ClusterPool(Pool):
     """A pool that runs cases on Dask's workers, each started with `dask worker --nthreads 1`.
 
     If a worker dies, Dask moves its case to another worker, at most three times. If the scheduler

@@ -16,7 +16,6 @@ import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from queue import SimpleQueue
-from typing import Protocol
 
 from planner.errors import InputError
 from planner.support.package import ROOT
@@ -52,17 +51,20 @@ MAX_DEATHS = 2
 """Number of worker processes that may die on a case before the case counts as a bug."""
 
 
-class Pool(Protocol):
-    """One or more processes that run the cases of a sweep.
+class Pool:
+    """What runs the cases of a sweep: here this process, one after the other, for debuggers.
 
     Attributes:
         window: Largest number of submitted cases that are not finished.
     """
 
-    window: int
+    window = 1
 
     def submit(self, request: Request) -> Future[Row]:
         """Submit a case; the returned future raises only if the pool itself has failed."""
+        future: Future[Row] = Future()
+        future.set_result(run_case(request))
+        return future
 
     def trouble(self) -> str:
         """Return in a sentence why the pool stands still; "" if it does not.
@@ -70,31 +72,13 @@ class Pool(Protocol):
         Raises:
             InputError: If the pool cannot be used.
         """
+        return ""
 
     def close(self) -> None:
         """Cancel running and waiting cases, and release processes and connections."""
 
 
-class SerialPool:
-    """A pool that runs cases in this process, one after the other; for debuggers and tests."""
-
-    window = 1
-
-    def submit(self, request: Request) -> Future[Row]:
-        """Run a case at once, and return a finished future."""
-        future: Future[Row] = Future()
-        future.set_result(run_case(request))
-        return future
-
-    def trouble(self) -> str:
-        """Return "": this process does not stand still."""
-        return ""
-
-    def close(self) -> None:
-        """Do nothing, because no process or connection is open."""
-
-
-class LocalPool:
+class LocalPool(Pool):
     """A pool that runs cases in processes of this computer; a thread waits for each process.
 
     Other pools do not suffice: loky's processes survive their killed parent by over ten minutes,
@@ -113,10 +97,6 @@ class LocalPool:
     def submit(self, request: Request) -> Future[Row]:
         """Submit a case to the next free worker process."""
         return self._threads.submit(self._run, request)
-
-    def trouble(self) -> str:
-        """Return "": a process that ends is noticed at once."""
-        return ""
 
     def close(self) -> None:
         """Kill the worker processes at once, and cancel waiting cases."""

@@ -22,7 +22,7 @@ from planner.sweep.case import Case, Row, case_at, cases
 from planner.sweep.clients import Client
 from planner.sweep.cluster import ClusterPool
 from planner.sweep.description import Sweep
-from planner.sweep.pools import LocalPool, Pool, SerialPool
+from planner.sweep.pools import LocalPool, Pool
 from planner.sweep.store import Store
 from planner.sweep.sweep_file import flatten
 
@@ -133,7 +133,7 @@ def _pool(workers: int | None, cluster: str | None, total: int) -> Pool:
     if cluster is not None:
         return ClusterPool(cluster)
     if workers == 0:
-        return SerialPool()
+        return Pool()
     # This counts only cores that this process may use, where the system can tell.
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return LocalPool(min(workers or cores or 1, total))

@@ -14,7 +14,7 @@ import pytest
 import planner
 from planner.cli import output
 from planner.cli.app import main
-from planner.sweep.pools import SerialPool
+from planner.sweep.pools import Pool
 
 RAW = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
@@ -112,4 +112,4 @@ def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cases run here: a worker loads the package anew, and has tests of its own."""
-    monkeypatch.setattr("planner.sweep.run.LocalPool", lambda _: SerialPool())
+    monkeypatch.setattr("planner.sweep.run.LocalPool", lambda _: Pool())

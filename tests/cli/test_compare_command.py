@@ -109,14 +109,15 @@ def test_ctrl_c_in_the_budgets_keeps_the_comparison(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []
+    real = planner.error_budget
 
     def pressed(*words: Any, **options: Any) -> Any:
         if asked:
             signal.raise_signal(signal.SIGINT)
         asked.append(words)
-        return planner.error_budget(*words, **{**options, "samples": 3, "base": 2})
+        return real(*words, **{**options, "samples": 3, "base": 2})
 
-    monkeypatch.setattr("planner.cli.compare.error_budget", pressed)
+    monkeypatch.setattr("planner.robustness.budget.error_budget", pressed)
     result = run(*TWO, "--budget", "--out", tmp_path / "run", "--json")
     assert result.status == result.json["exit_status"] == 130
     assert len(result.json["rows"]) == 2

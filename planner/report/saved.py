@@ -14,14 +14,12 @@ from planner.comparison.comparison import FORMAT, VERSION, Comparison
 from planner.comparison.rows import KEPT_IN_FILES, Row
 from planner.errors import InputError
 from planner.machine.machine import Machine, sample_numbers
-from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.files import JSON_BYTES, expect_path, read_json, read_text
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.support.tables import line
-from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import without_unit_keys
 from planner.verification.verdict import load_plan
 
@@ -113,7 +111,12 @@ def _row(
     # Earlier versions had neither of these.
     values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
     values |= {"beyond_physical": data.get("beyond_limits")}
-    values |= {**data, **_plan_figures(data, problem.system, plan)}
+    values |= data
+    if "terminal_error_max_deg" in data:
+        values |= without_unit_keys(data, problem.system)
+    else:  # earlier versions lacked the length of the path, too
+        values |= {name: data[earlier] for name, earlier in _EARLIER_NAMES.items()}
+        values["path_length"] = None if plan is None else plan.path_length
     values = values_of({k: v for k, v in values.items() if k in names})
     values["domain_ok"] = data["domain_ok"]
     return Row(spec, **values, plan=plan, machine_errors_deg=errors), False
@@ -125,19 +128,6 @@ _EARLIER_NAMES = {
     "terminal_error_max_deg": "terminal_error_deg",
 }
 """Names of figures in files before version 1.0.0, whatever their units."""
-
-
-def _plan_figures(
-    data: Mapping[str, Any], system: TriangularSystem, plan: Plan | None
-) -> dict[str, Any]:
-    """Return the figures of a row's data, of any version, whose names have units or have changed.
-
-    Earlier versions lacked the length of the path.
-    """
-    if "terminal_error_max_deg" in data:
-        return without_unit_keys(data, system)
-    read = {name: data[earlier] for name, earlier in _EARLIER_NAMES.items()}
-    return read | {"path_length": None if plan is None else plan.path_length}
 
 
 def values_of(data: Mapping[str, Any]) -> dict[str, Any]:

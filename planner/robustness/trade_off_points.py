@@ -97,7 +97,21 @@ def axis(problem: Problem, options: DesensitisedOptions, kind: Kind, points: int
         low, high = (effort(p.trajectory) for p in (least, _costly_end(problem, options)))
         limits = np.geomspace(LEAST_FACTOR * low, max(high, 1.1 * low), points)
         return Axis(kind, limits, problem.limits.input, least)
-    return _peaks(problem, options, easy, points)
+    # The base of an input is its limit, or without a limit its peak in the plan of `_costly_end`.
+    base = problem.limits.input
+    if not np.all(np.isfinite(base)):
+        peaks = peak_inputs(_costly_end(problem, options).trajectory)
+        base = np.where(np.isfinite(base), base, peaks)
+    quickest = _quickest(with_input_limits(problem, base), easy)
+    lowest = LEAST_FACTOR * quickest.duration / problem.duration  # the systems are driftless
+    if lowest >= 1:
+        raise InputError(
+            f"{problem.source}: goal.duration = {problem.duration:g} s does not allow lower peaks:"
+            f" the fastest motion takes {quickest.duration:.4g} s; give more time"
+        )
+    slow = quickest.trajectory.slowed(problem.duration / quickest.duration)
+    guess = replace(quickest, problem=with_input_limits(problem, lowest * base), trajectory=slow)
+    return Axis("peak", np.geomspace(lowest, 1.0, points), base, guess)
 
 
 def _costly_end(problem: Problem, options: DesensitisedOptions) -> Plan:
@@ -114,30 +128,6 @@ def _quickest(problem: Problem, easy: CollocationOptions) -> Plan:
         )
     fast = easy.model_copy(update={"objective": "time"})
     return judge_plan(plan_collocation(problem.changed({"goal.duration": "free"}), fast))[0]
-
-
-def _peaks(
-    problem: Problem, options: DesensitisedOptions, easy: CollocationOptions, points: int
-) -> Axis:
-    """Return the axis of a curve that limits the peaks of the inputs.
-
-    The base of an input is its limit, or without a limit its peak in the plan of `_costly_end`.
-    """
-    base = problem.limits.input
-    if not np.all(np.isfinite(base)):
-        peaks = peak_inputs(_costly_end(problem, options).trajectory)
-        base = np.where(np.isfinite(base), base, peaks)
-    quickest = _quickest(with_input_limits(problem, base), easy)
-    assert problem.duration is not None
-    lowest = LEAST_FACTOR * quickest.duration / problem.duration  # the systems are driftless
-    if lowest >= 1:
-        raise InputError(
-            f"{problem.source}: goal.duration = {problem.duration:g} s does not allow lower peaks:"
-            f" the fastest motion takes {quickest.duration:.4g} s; give more time"
-        )
-    slow = quickest.trajectory.slowed(problem.duration / quickest.duration)
-    guess = replace(quickest, problem=with_input_limits(problem, lowest * base), trajectory=slow)
-    return Axis("peak", np.geomspace(lowest, 1.0, points), base, guess)
 
 
 def with_input_limits(problem: Problem, inputs: Array) -> Problem:

@@ -191,7 +191,22 @@ def _tube(
             break
     inside = np.logical_and.accumulate(radius * (1 + 1e-12) < most)
     doubt = np.where(inside, radius * (1 + 1e-12), np.inf)[:, None]
-    return _on_ellipses(system, block, cells, (known, u), p, core, doubt), image_rates
+    # The ball is the tube on real columns, and on ellipses a region that Picard's map proves, or
+    # unbounded where the proof fails.
+    half, signs = width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
+    out = {i: ball.widen(np.where(REAL_COLUMNS, doubt, np.inf)) for i, ball in core.items()}
+    trial = {i: ball.widen(doubt + 0.2 * ball.reach) for i, ball in core.items()}
+    for _ in range(PICARD_IMAGES):
+        fits, regions = np.array([[True]]), []
+        for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
+            middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * ROUNDING_UNIT * p[i].norm
+            regions.append(f.ellipses.integral(half, middle[:, None], doubt + slip[:, None]))
+            fits = fits & regions[-1].lie_in(trial[i].ellipses)
+        for i, new in zip(block, regions, strict=True):
+            points = out[i].points
+            out[i] = Ball.join(points, choose(fits, new, out[i].ellipses))
+            trial[i] = Ball.join(points, new._replace(r=1.2 * new.r))
+    return out, image_rates
 
 
 def _rates(
@@ -274,42 +289,6 @@ def _error_bounds(mu: Array, norm: Array, error: Array, width: Array) -> Array:
     for k in range(len(mu)):
         out[k] = most[k] * now + pushed[k]
         now = growth[k] * now + pushed[k]
-    return out
-
-
-def _on_ellipses(
-    system: TriangularSystem,
-    block: list[int],
-    cells: Cells,
-    given: Given,
-    p: dict[int, Model],
-    core: dict[int, Ball],
-    doubt: Array,
-) -> dict[int, Ball]:
-    """Return balls of a block's coordinates: the tube on real columns, a proven region on ellipses.
-
-    Picard's map proves the region; the ball is unbounded where the proof fails.
-
-    Args:
-        system, block, cells, given: As for `_tube`.
-        p: Models of the reference motion, by coordinate.
-        core: Balls of the reference motion, by coordinate.
-        doubt: Radius of the tube on each cell, (C, 1).
-    """
-    (known, u), half, signs = given, cells.width[:, None] / 2, (-1.0) ** np.arange(POINTS // 2)
-    nowhere = np.where(REAL_COLUMNS, doubt, np.inf)
-    out = {i: ball.widen(nowhere) for i, ball in core.items()}
-    trial = {i: ball.widen(doubt + 0.2 * ball.reach) for i, ball in core.items()}
-    for _ in range(PICARD_IMAGES):
-        fits, images = np.array([[True]]), []
-        for i, f in zip(block, _rates(system, block, cells, known | trial, u), strict=True):
-            middle, slip = p[i].c[:, ::2] @ signs, 2 * POINTS * ROUNDING_UNIT * p[i].norm
-            images.append(f.ellipses.integral(half, middle[:, None], doubt + slip[:, None]))
-            fits = fits & images[-1].lie_in(trial[i].ellipses)
-        for i, new in zip(block, images, strict=True):
-            points = out[i].points
-            out[i] = Ball.join(points, choose(fits, new, out[i].ellipses))
-            trial[i] = Ball.join(points, new._replace(r=1.2 * new.r))
     return out
 
 

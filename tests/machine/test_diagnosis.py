@@ -118,7 +118,8 @@ def test_a_run_is_given_once(paper: Problem, log: Log, change) -> None:
 def test_a_ratio_that_is_no_tolerance_is_told(paper: Problem, log: Log) -> None:
     found = identify(replace(log, u=log.u * [1.1, 1]), paper, starts=1)
     words = " ".join(found.warnings)
-    assert "joint 2 turns 8.66 %" in words
+    assert found["ratio2"].value == pytest.approx(100 * (1 / 1.1 - 1), abs=0.2)
+    assert f"joint 2 turns {-found['ratio2'].value:.3g} %" in words
     assert "% less far than K and k_g say: a wrong constant" in words
 
 

@@ -137,6 +137,13 @@ def test_a_run_is_predicted_whatever_the_arm_did_before(
     assert np.abs(gap).max() < 0.25  # five standard deviations of a reading
 
 
+def test_an_arm_without_an_effect_is_no_doubt(paper: Problem, motion: Plan) -> None:
+    rigid = PRESET.nominal().without("gearhead_backlash_deg", "lateral_friction")
+    found = identify(emulate_log(motion, rigid), paper, starts=1)
+    assert not found.warnings
+    assert found["gear2"].value == pytest.approx(0.0, abs=0.1)
+
+
 def test_an_excitation_right_after_homing_gives_no_warning(paper: Problem, motion: Plan) -> None:
     arm = PRESET.nominal().with_(backlash_deg=4.0, start_state="forward")
     homed = identify(emulate_log(motion, arm), paper, starts=1)

@@ -82,7 +82,6 @@ class Estimate:
             out errors of effects that the model merges or lacks.
         told: How much the logs determine the parameter, 0 … 1: 1 minus the remaining fraction of
             the prior's standard deviation.
-        at_edge: Whether the value is at an end of the parameter's range.
     """
 
     parameter: FitParameter
@@ -90,7 +89,6 @@ class Estimate:
     value: float
     spread: float
     told: float
-    at_edge: bool
 
 
 @dataclass(frozen=True)
@@ -419,15 +417,9 @@ def _are_alike(a: Array, b: Array) -> bool:
 
 def _estimates(parameters: Parameters, result: BestFit) -> Iterator[Estimate]:
     values = parameters.values(result.x)
-    for k, row in enumerate(parameters.rows):
-        edges = result.x[k] - parameters.low[k], parameters.high[k] - result.x[k]
-        left = float(result.spread[k])  # of the prior
-        found = float(values[k]) / row.scale, left * row.prior / row.scale, 1.0 - min(1.0, left)
-        yield Estimate(row, row.value / row.scale, *found, min(edges) < EDGE_SHARE)
-
-
-EDGE_SHARE = 1e-3
-"""Distance from the end of its range at which a parameter is at the edge, in prior deviations."""
+    for row, value, left in zip(parameters.rows, values, result.spread.tolist(), strict=True):
+        found = float(value) / row.scale, left * row.prior / row.scale, 1.0 - min(1.0, left)
+        yield Estimate(row, row.value / row.scale, *found)
 
 
 def find_warnings(
@@ -481,11 +473,6 @@ def find_warnings(
                 f"joint {each.parameter.key[5:]} turns {off:.3g} %"
                 f" {'farther' if each.value > 0 else 'less far'} than K and k_g say: a wrong"
                 " constant, or a wrong unit of u1 or of its angle"
-            )
-        if each.at_edge:
-            yield (
-                f"{each.parameter.name} ended at the edge of its range,"
-                f" {each.value:.4g} {each.parameter.unit}"
             )
 
 

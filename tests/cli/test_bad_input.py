@@ -177,7 +177,7 @@ LONG, ARMS = "n" * 300, "an arm here has 2 to 8 joints"
         ("plan paper.toml --out mine", "mine: it is a folder; name a file in it"),
         ("plan plan.json", "plan.json is JSON, such as a plan; a problem file is TOML"),
         ("check paper.toml --methods polynomal", "did you mean 'polynomial'?"),
-        ("check paper.toml --methods ,", "names no method"),
+        ("check paper.toml --methods ,", "unknown method ''"),
         ("compare paper.toml --out mine", "mine holds files that are not from an earlier run"),
         ("compare paper.toml --samples -5", "--samples"),
         ("compare paper.toml --samples 0", "--samples"),

@@ -175,6 +175,20 @@ def _growth(task: Task, start: Iterate) -> Array:
     return np.concatenate(out, axis=1)
 
 
+def uncovered(discs: Sequence[Obstacle]) -> tuple[Obstacle, ...]:
+    """Return the discs without those that lie within another, of equal ones the first."""
+
+    def covers(a: Obstacle, b: Obstacle) -> bool:
+        return math.dist(a.centre, b.centre) + b.thickness <= a.thickness
+
+    return tuple(
+        disc
+        for k, disc in enumerate(discs)
+        if not any(covers(a, disc) for a in discs[:k])
+        and not any(covers(a, disc) and not covers(disc, a) for a in discs[k + 1 :])
+    )
+
+
 def thicknesses(problem: Problem) -> list[tuple[Problem, bool]]:
     """Return pairs of a problem and whether to search motions in it, in the order of trial.
 

@@ -16,7 +16,7 @@ import numpy as np
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.methods.collocation.best import Candidate, Exactness, Record, polish
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs import thicknesses
+from planner.methods.collocation.discs import thicknesses, uncovered
 from planner.methods.collocation.guesses import routes
 from planner.methods.collocation.long_arms.exact_motion import (
     chain_of,
@@ -34,6 +34,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
+from planner.verification.verify import verify
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
 
@@ -52,6 +53,10 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     time is up before the search has ended, the best motion so far is refined: the plan's status is
     "time_limit", or "interrupted" after Ctrl-C, and `notes["ended_early"]` says why.
 
+    Motions are searched without discs first, then among those that the motion found meets: one that
+    clears all discs is the best there is. Without a motion in the given duration there is none
+    among discs either; the slower motions, which say how much is missing, need all discs.
+
     Among thin discs motions are searched with thickened discs; the best is then solved again with
     thinner and thinner discs. So the objective does not grow when a single disc shrinks.
 
@@ -62,25 +67,44 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             shortest duration found.
         NotConvergedError: If no motion is found, or every motion found takes longer.
     """
-    plans = list[Plan]()
+    posts, part, late = uncovered(problem.obstacles), replace(problem, obstacles=()), None
     with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
-        possible = bool(problem.obstacles) and why_too_short(problem) is None
-        for each, is_searched in thicknesses(problem) if possible else []:
-            for plan in [plans[0], None] if plans else [None]:
-                with (
-                    suppress(NoPlanError, TimeUpError),
-                    deadline.time_share(THICK_SHARE),
-                    deadline.work_limit(THICK_WORK_S, "the limit of work for thicker discs"),
-                ):
-                    if plan is not None:
-                        plans += _shrink(plan, each, options)
-                    elif is_searched:
-                        plans.append(_plan_from(each, options, None))
-            plans = [plan for plan in plans if plan.status == "solved"]
-            plans.sort(key=lambda plan: plan.objective)
-        if plans:
-            return replace(plans[0], problem=problem)
-        return _plan_from(problem, options, None)
+        while part.obstacles != posts:
+            try:
+                plan = replace(_plan_beside(part, options, late=False), problem=problem)
+            except NoPlanError:
+                late = problem.duration is not None or None
+                break
+            met = {id(disc) for disc in part.obstacles}
+            met |= {id(violation.demand) for violation in verify(plan).violations}
+            discs = tuple(disc for disc in posts if id(disc) in met)
+            if discs == part.obstacles:
+                return plan
+            part = replace(problem, obstacles=discs)
+        plan = _plan_beside(replace(problem, obstacles=posts), options, late)
+        return replace(plan, problem=problem)
+
+
+def _plan_beside(problem: Problem, options: CollocationOptions, late: bool | None = None) -> Plan:
+    """Plan among the discs of this problem; for `late` see `Pipeline`."""
+    plans = list[Plan]()
+    possible = bool(problem.obstacles) and why_too_short(problem) is None
+    for each, is_searched in thicknesses(problem) if possible else []:
+        for plan in [plans[0], None] if plans else [None]:
+            with (
+                suppress(NoPlanError, TimeUpError),
+                deadline.time_share(THICK_SHARE),
+                deadline.work_limit(THICK_WORK_S, "the limit of work for thicker discs"),
+            ):
+                if plan is not None:
+                    plans += _shrink(plan, each, options)
+                elif is_searched:
+                    plans.append(_plan_from(each, options, None, late))
+        plans = [plan for plan in plans if plan.status == "solved"]
+        plans.sort(key=lambda plan: plan.objective)
+    if plans:
+        return replace(plans[0], problem=problem)
+    return _plan_from(problem, options, None, late)
 
 
 def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterator[Plan]:
@@ -94,7 +118,9 @@ def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterat
                 yield _plan(problem, done, origin, options)
 
 
-def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None) -> Plan:
+def _plan_from(
+    problem: Problem, options: CollocationOptions, warm: Plan | None, late: bool | None = None
+) -> Plan:
     """Plan for discs as they are, from first guesses or from the plan `warm`."""
     reached = problem.within_reach()
     ways = routes(reached)
@@ -102,7 +128,7 @@ def _plan_from(problem: Problem, options: CollocationOptions, warm: Plan | None)
         raise no_goal(problem)
     near = () if warm is None else _near_motions(reached, options, warm)
     record = Record(options.accuracy)
-    search = Pipeline(ways, options, record, near)
+    search = Pipeline(ways, options, record, near, late)
     with (
         deadline.time_limit(options.time_limit_s),
         deadline.time_limit(None, has_answer=record.holds) as span,

@@ -82,6 +82,8 @@ class Pipeline:
         options: Options of the method.
         record: Keeps what is found on the way.
         near: Candidates near an existing plan, the first stage.
+        late: Whether to leave out the stages before slower motions and ladder; False: leave out
+            these; None: have all.
         paths: Paths by route, found so far; they do not depend on the duration.
     """
 
@@ -89,6 +91,7 @@ class Pipeline:
     options: CollocationOptions
     record: Record
     near: Iterable[Candidate] = ()
+    late: bool | None = None
     paths: dict[int, RoutePaths] = field(default_factory=dict)
 
     @property
@@ -136,10 +139,13 @@ class Pipeline:
         search is repeated with a free duration, and its motion is slowed down. With a free duration
         the ladder follows, which finds paths of long arms where all guesses fail.
         """
-        yield self._near_motions
-        if self.options.start in ("auto", "straight"):
-            yield self._straight_motions
-        yield self._path_motions
+        if not self.late:
+            yield self._near_motions
+            if self.options.start in ("auto", "straight"):
+                yield self._straight_motions
+            yield self._path_motions
+        if self.late is False:
+            return
         if self.routes[0].duration is not None:
             yield self._slower_motions
         elif self._free:

@@ -211,3 +211,29 @@ def test_links_that_pass_over_a_disc_between_two_places_are_seen(radius: float) 
 
 def _straight(task: Any) -> Iterate:
     return guess(task.problem, task.nlp, task.mesh, seeds("straight")[0])
+
+
+# -- only posts that a motion meets cost anything -------------------------------------------------
+
+
+def beside(*posts: tuple[float, float, float]) -> planner.Problem:
+    table = [{"centre_m": [x, y], "radius_m": r} for x, y, r in posts]
+    return POST.changed({"obstacles": table})
+
+
+def test_a_post_that_the_best_motion_clears_changes_nothing() -> None:
+    free, plan = (planner.solve(beside(*posts)) for posts in ([], [(-1.5, -1.5, 0.3)]))
+    assert plan.verified
+    assert (plan.objective, plan.iterations) == (free.objective, free.iterations)
+    assert len(plan.problem.obstacles) == 1
+
+
+def test_posts_within_others_and_beside_the_way_change_nothing() -> None:
+    (post,) = POST.obstacles
+    way = (post.x, post.y, post.radius)
+    alone = planner.solve(beside(way))
+    more = [way, (post.x, post.y, post.radius / 2), (-1.5, -1.5, 0.3), way]
+    plan = planner.solve(beside(*more))
+    assert plan.verified
+    assert (plan.objective, plan.iterations) == (alone.objective, alone.iterations)
+    assert [disc.number for disc in plan.problem.obstacles] == [1, 2, 3, 4]

@@ -38,6 +38,25 @@ def run_all(plans: list[Plan]) -> list[Replay]:
     return out
 
 
+def test_the_goal_again_is_aimed_off_by_the_error(paper: Problem) -> None:
+    """The arm rubs more than its machine; it ends nearer the goal each time it starts alike."""
+    model = Machine.prototype(encoder_noise_deg=0).nominal().with_(start_state="forward")
+    arm = model.with_(coulomb_friction_nm=[0.5, 0.55])
+    wanted = paper.changed({"goal.travel": "free", "limits.z2_margin": None})
+    goal, task, errors = np.rad2deg(wanted.goal[1:]), wanted, []
+    for _ in range(3):
+        plan = planner.compensate(planner.solve(task, "collocation"), model)
+        pose = np.rad2deg(replay(plan, arm).q[0, -1, 1:])
+        errors.append(np.max(np.abs(pose - goal)))
+        task = wanted.again(plan, pose)
+        np.testing.assert_allclose(task.start, wanted.start, atol=1e-12)
+    assert errors[0] > 0.8
+    assert errors[1] < errors[0] / 3
+    assert errors[2] < errors[0] / 6
+    with pytest.raises(InputError, match="every joint angle"):
+        wanted.again(plan, [1.0, 2.0])
+
+
 def test_every_goal_is_reached_by_the_machine_that_is_carried_over(plans: list[Plan]) -> None:
     runs = run_all(plans)
     for before, plan, after in zip([None, *runs], plans, runs, strict=False):

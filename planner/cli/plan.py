@@ -37,7 +37,7 @@ from planner.cli.output import (
     say,
     search_ended_early,
 )
-from planner.errors import NoPlanError
+from planner.errors import InputError, NoPlanError
 from planner.methods.registry import parse_spec
 from planner.plan.plan import Plan
 from planner.plan.recorded.log import read_log
@@ -72,6 +72,15 @@ def plan(
             " --pose-from, and its state of backlash and shafts.",
         ),
     ] = None,
+    again: Annotated[
+        Path | None,
+        typer.Option(
+            "--again",
+            metavar="PLAN",
+            help="The goal again from the start of this plan (JSON), aimed off by the error at the"
+            " end of its run, which --pose-from names: for an arm that misses alike each time.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
     figure: Annotated[Path | None, figure_option("Draw the plan's coordinates over time")] = None,
 ) -> int:
@@ -96,7 +105,11 @@ def plan(
     spec = parse_spec(method)
     task = read_problem(problem, changes, machine)
     pose = None if pose_from is None else read_log(pose_from).pose_deg
-    if after is not None:
+    if again is not None:
+        if pose is None or after is not None:
+            raise InputError("--again needs the run of its plan in --pose-from, and no --after")
+        task = task.again(load_plan(again, strict=True), pose)
+    elif after is not None:
         task = task.after(load_plan(after, strict=True), pose)
     elif pose is not None:
         task = task.from_pose(pose)

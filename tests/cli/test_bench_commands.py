@@ -175,6 +175,21 @@ def test_log_has_a_verdict(run: Callable, tmp_path: Path) -> None:
     assert "leaves the band" in run("log", log, *words, "--plan", tmp_path / "a.json").words
 
 
+def test_the_goal_again(run: Callable, tmp_path: Path) -> None:
+    first, log = tmp_path / "first.json", tmp_path / "run.csv"
+    free = ("--set", "limits.z2_margin=0.001")
+    assert run("plan", PAPER, *free, "--out", first).status == 0
+    planner.emulate_log(planner.load_plan(first), "prototype", sample=3).save(log)
+    missed = planner.read_log(log).pose_deg - 30
+    words = ("plan", PAPER, *free, "--again", first)
+    assert run(*words).status == 2
+    assert run(*words, "--pose-from", log, "--after", first).status == 2
+    made = run(*words, "--pose-from", log, "--out", tmp_path / "again.json")
+    assert made.status == 0
+    ends = np.rad2deg(planner.load_plan(tmp_path / "again.json").q([0.0, 10.0])[:, 1:])
+    assert ends == pytest.approx(np.array([[1.0, 1.0, 1.0], 30 - missed]), abs=1e-5)
+
+
 def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:
     for words, says in (
         (("motion", "dance", PAPER, "-o", tmp_path / "a.json"), "no motion 'dance'"),

@@ -264,9 +264,9 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record], title: str = "
     """
     counts = statuses_by_method(records)
     colour = colours(list(counts))
-    rows = [("effort", "effort of the solved cases")]
+    rows = [("effort", "effort")]
     if any(record["E_median_deg"] is not None for record in records):
-        rows.append(("E_median_deg", "median E of the solved cases (deg)"))
+        rows.append(("E_median_deg", "median E (deg)"))
     figure, axes, _ = grid(1, 1 + len(rows), size=(4.6, max(2.8, 0.5 * len(counts) + 1.4)))
     ax = axes[0, 0]
     for k, (label, statuses) in enumerate(counts.items()):

@@ -386,9 +386,9 @@ class Problem(Frozen):
         """Return the same task once more from the start of a plan, aimed off by the plan's error.
 
         An arm that is not like its model misses in nearly the same way when it does the same again:
-        emulated arms with inertia, which their machine lacked, from a homed start by 4.0, 1.6 and
-        0.5 degrees, and by 2.4, 1.1 and 0.6. From the end of the last run, or homed there, it does
-        not help: that is another motion.
+        one emulated arm with inertia, which its machine lacked, from a homed start by 4.0, 1.6 and
+        0.5 degrees, at a second goal by 2.4, 1.1 and 0.6. From the end of the last
+        run, or homed there, it did not help: that is another motion.
 
         Args:
             last: The plan, for this goal or already aimed off.

@@ -151,21 +151,13 @@ def limit_words(limits: Sequence[MachineLimit], machines: int) -> str:
     more = f", and {len(violations) - 1} more limits" if len(violations) > 1 else ""
     if not first.requirement.physical:
         return f"{count} break a limit of chained coordinates, which harms nothing: {first}{more}"
-    ways = dict.fromkeys(filter(None, map(_advice, _furthest(violations))))
+    worst = {each.requirement: each for each in sorted(violations, key=lambda each: each.sweep)}
+    furthest = [worst[kind] for kind in dict.fromkeys(each.requirement for each in violations)]
+    ways = dict.fromkeys(filter(None, map(_advice, furthest)))
     keeps = f"; {KEPT_PERCENT:.0f} % of the machines keep clear with about {' and '.join(ways)}"
     if not ways or machines <= first.samples * (1 - KEPT_PERCENT / 100):  # as many do already
         keeps = ""
     return f"{count} break a limit: {first}{more}{keeps}"
-
-
-def _furthest(violations: Sequence[MachineLimit]) -> list[MachineLimit]:
-    """Return for each requirement the broken limit with the largest `MachineLimit.sweep`."""
-    worst: dict[Requirement, MachineLimit] = {}
-    for each in violations:
-        rival = worst.get(each.requirement)
-        if rival is None or rival.sweep < each.sweep:
-            worst[each.requirement] = each
-    return list(worst.values())
 
 
 def _advice(each: MachineLimit) -> str:

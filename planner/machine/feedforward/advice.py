@@ -56,7 +56,8 @@ def compensation_changes(
     problem = plan.problem
     met = [v.demand.number for v in violations if isinstance(v.demand, Obstacle)]
     out = [f"obstacle {number} elsewhere" for number in dict.fromkeys(met)]
-    wider = _wider_limits(plan, violations)
+    limits = {type(each): each for each in problem.registered_limits if each.reads != {"q"}}
+    wider = [limits[type(v.demand)].easing([v]) for v in violations if type(v.demand) in limits]
     smaller = f"smaller {problem.limits.input_words}, which the added inputs keep"
     out += [*wider, smaller] * bool(wider)
     if meets_before_start(plan, violations) or 0 < len(wider) == len(violations):
@@ -78,7 +79,10 @@ def compensation_changes(
             when = f"{worst['t_s']:.3g} s"
             why = f" (this reversal leaves {worst['joint']} {worst['deg']:.2g} deg off the path)"
         out.append(f"{other}, so that the drive does not reverse at t = {when}{why}")
-    if (drifted := _drift_deg(plan)) > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
+    assert plan.compensation is not None
+    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
+    drifted = float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0
+    if drifted > 2 * LEAST_UNEVEN_DEG:  # the error that spreads leave
         larger = f"larger {problem.limits.input_words}"
         less = larger if problem.duration is None else "a shorter goal.duration"
         return [
@@ -91,17 +95,3 @@ def compensation_changes(
     elif problem.duration_max is not None:
         out.append("a larger goal.duration_max")
     return out
-
-
-def _wider_limits(plan: Plan, violations: Sequence[Violation]) -> list[str]:
-    """Return how to widen each violated limit on the inputs that compensation does not know."""
-    limits = [each for each in plan.problem.registered_limits if each.reads != {"q"}]
-    return [each.easing([v]) for each in limits for v in violations if type(v.demand) is type(each)]
-
-
-def _drift_deg(plan: Plan) -> float:
-    """Return the angle, degrees, that a motor drifts over the plan if its `input_bias_rad_s` is two
-    standard deviations from the mean; 0 without that effect."""
-    assert plan.compensation is not None
-    bias = Machine.from_table(plan.compensation.machine).effects.get("input_bias_rad_s")
-    return float(np.rad2deg(2 * max(bias.spread) * plan.duration)) if bias else 0.0

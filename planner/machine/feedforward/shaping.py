@@ -156,17 +156,20 @@ class CommandShape:
         if not np.any(np.isfinite(rate)):
             return self._pursue_by_speed(angle, grain[:, None])
         place = np.zeros(angle.shape[1:])
-        step, room, grain = rate * tick, 8 * rate, grain[:, None]
-        rounded = bool(np.any(grain))
+        is_free = ~np.isfinite(self._rate)  # a motor without a limit may stop at once
+        step, room = (np.where(is_free[:, None], 0.0, by * rate) for by in (tick, 8.0))
+        most, square = np.where(is_free[:, None], math.inf, step), step * step
+        grain, rounded = grain[:, None], bool(np.any(grain))
         out = np.zeros((len(angle) - 1, *place.shape))
         speed = np.zeros_like(place)
         for k, now in enumerate(angle[1:-1], 1):  # the first command is zero: motors start at rest
             behind = now - place
-            far = np.abs(behind)  # limit the speed so that the motor can stop in time
-            catch = np.minimum(far / tick, _stopping_speed(far, step, room))
-            low, high = np.maximum(-limit, speed - step), np.minimum(limit, speed + step)
-            speed = (angle[k + 1] - now) / tick + np.copysign(catch, behind)
-            speed = np.minimum(np.maximum(speed, low), high)
+            far = np.abs(behind)
+            stopping = (np.sqrt(square + room * far) - step) / 2  # in whole ticks
+            stopping[is_free] = math.inf
+            catch = np.copysign(np.minimum(far / tick, stopping), behind)
+            low, high = np.maximum(-limit, speed - most), np.minimum(limit, speed + most)
+            speed = np.minimum(np.maximum((angle[k + 1] - now) / tick + catch, low), high)
             if rounded:
                 speed = round_to_grid(speed, low, high, grain)
             place = place + speed * tick
@@ -193,14 +196,6 @@ class CommandShape:
             np.add(before, most, out=high)
             np.minimum(np.maximum(then, low, out=low), high, out=place)
         return np.diff(places, axis=0) / tick
-
-
-def _stopping_speed(far: Array, step: Array, room: Array) -> Array:
-    """Return the speed from which a motor can stop within the distance `far`, in whole ticks;
-    infinite without a limit on changes of speed."""
-    finite = np.isfinite(step)
-    step, room = np.where(finite, step, 0.0), np.where(finite, room, 0.0)
-    return np.where(finite, (np.sqrt(step * step + room * far) - step) / 2, math.inf)
 
 
 def _ahead_of_play(angle: Array, half: Array, side: Array) -> Array:

@@ -30,6 +30,7 @@ from .machine.replay import replay as replay
 from .methods.motions import check_run as check_run
 from .methods.motions import excitation as excitation
 from .methods.motions import homing as homing
+from .methods.motions import seating as seating
 from .methods.registry import METHODS as METHODS
 from .methods.registry import register_method as register_method
 from .plan.claims import Certificate as Certificate

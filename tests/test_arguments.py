@@ -104,6 +104,7 @@ TAKE_PROBLEMS: dict[str, Callable[[Any], Any]] = {
     "excitation": planner.excitation,
     "explore": planner.explore,
     "homing": planner.homing,
+    "seating": planner.seating,
     "identify": lambda x: planner.identify([], x),
     "solve": planner.solve,
     "trade_off": planner.trade_off,

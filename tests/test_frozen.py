@@ -125,6 +125,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "excitation": lambda: planner.excitation(plain().problem),
     "check_run": lambda: planner.check_run(plain().problem),
     "homing": lambda: planner.homing(plain().problem),
+    "seating": lambda: planner.seating(plain().problem),
     "retimed": lambda: planner.retime(planner.solve(plain().problem, "convex")),
     "rest": lambda: planner.solve(plain().problem, "collocation", rest=True),
     "polynomial": lambda: planner.solve(plain().problem.changed({"limits": {}}), "polynomial"),

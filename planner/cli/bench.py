@@ -59,18 +59,20 @@ def motion(
     problem: ProblemPath,
     pose_from: PoseFrom = None,
     changes: Changes = None,
+    machine: MachineFile = None,
     out: Annotated[
         Path | None, out_option("FILE", "Save it in this JSON file, like a plan.")
     ] = None,
 ) -> int:
-    """Make a motion to home an arm, to identify it, or to test it.
+    """Make a motion to home or seat an arm, to identify it, or to test it.
 
     excitation: for 30 s the drive reverses in a square wave while joint 1 follows two sines.
     check: slower, 20 s; `planner identify` tests its result on that run if it is the last one.
     homing: the drive turns back, forward, then slowly forward until the encoders have risen; joint
-    1 moves last. signs: motor 2 turns forward by 2 degrees, then motor 1. All begin at the
-    problem's start and keep its limits except z2_margin. Export them like a plan. Without --out the
-    command only shows where the arm goes.
+    1 moves last. seating: the same end without readings, for an arm whose lost motion is known.
+    signs: motor 2 turns forward by 2 degrees, then motor 1. All begin at the problem's start and
+    keep its limits except z2_margin. Export them like a plan. Without --out the command only shows
+    where the arm goes.
 
     \b
     Examples:
@@ -81,7 +83,7 @@ def motion(
     """
     if kind not in MOTIONS:
         raise InputError(f"no motion '{kind}'; {allowed_hint(kind, list(MOTIONS))}")
-    task = read_problem(problem, changes)
+    task = read_problem(problem, changes, machine)
     if pose_from is not None:
         task = task.from_pose(read_log(pose_from).pose_deg)
     if out is not None:

@@ -355,28 +355,37 @@ class Problem(Frozen):
         the state of backlash and shafts in which it leaves the arm.
 
         Args:
-            last: A compensated plan of the same arm, or a homing motion.
-            theta_deg: θ₁ … θₙ, degrees, as read after that run. Needed after homing, which ends
-                where the encoders say.
+            last: A compensated plan of the same arm and machine, or a homing or seating motion.
+            theta_deg: θ₁ … θₙ, degrees, as read after that run. Needed after homing and seating,
+                which end where the encoders say.
 
         Raises:
-            InputError: If `last` is of another system or does not tell its end state, if it needs a
-                pose that is not given; else as for `from_pose`.
+            InputError: If `last` is of another system, is compensated for another machine or does
+                not tell its end state, if it needs a pose that is not given; else as for
+                `from_pose`.
         """
         state = last.notes.get("end_state")
         if last.problem.system != self.system:
             raise InputError("the last plan is of another arm", self.source)
+        there, here = (each.model_dump() for each in (last.problem.machine, self.machine))
+        other = [key for key in here if here[key] != there[key] and key != "start_state"]
+        if other and "compensation" in last.notes:
+            raise InputError(
+                "the last plan is compensated for another machine, which differs in"
+                f" {', '.join(other)}: plan with the same machine, or home the arm",
+                self.source,
+            )
         if state is None:
             raise InputError(
                 "the last plan does not tell the state in which it leaves the arm: name a plan made"
-                " with compensation.on = true, or a homing motion",
+                " with compensation.on = true, or a homing or seating motion",
                 self.source,
             )
         if theta_deg is None:
             theta_deg = last.notes.get("end_theta_deg")
         if theta_deg is None:
             raise InputError(
-                "a homing motion ends where the encoders say: give the pose read after it, too"
+                "homing and seating end where the encoders say: give the pose read after it, too"
                 " (--pose-from)",
                 self.source,
             )

@@ -25,13 +25,14 @@ from planner import (
     load_problem,
     load_samples,
     replay,
+    seating,
     solve,
 )
 
 PROBLEMS = Path(__file__).parents[2] / "problems"
 
 
-@pytest.mark.parametrize("make", [excitation, check_run, homing])
+@pytest.mark.parametrize("make", [excitation, check_run, homing, seating])
 @pytest.mark.parametrize(
     "name",
     [
@@ -101,7 +102,7 @@ def test_an_excitation_is_made_smaller_until_the_joints_keep_their_limits(paper:
         )
 
 
-@pytest.mark.parametrize("make", [excitation, homing])
+@pytest.mark.parametrize("make", [excitation, homing, seating])
 def test_a_motion_is_for_arms_with_friction_disks(make: object) -> None:
     with pytest.raises(InputError, match="is for arms with friction disks"):
         make(load_problem(PROBLEMS / "car.toml"))  # type: ignore[operator]
@@ -140,6 +141,24 @@ def test_homing_by_the_encoders_pushes_every_joint_of_every_machine(paper: Probl
     last = np.argmax(np.abs(theta[:, :, 0] - theta[:, -1:, 0]) < 0.1, axis=1)
     drive = np.array([np.max(np.flatnonzero(np.abs(u) > 0.01)) for u in run.motor_rates[:, :, 0]])
     assert np.all(drive < last)
+
+
+def test_seating_without_readings_leaves_an_arm_as_homing_does(paper: Problem) -> None:
+    arm = Machine.prototype(start_state="unknown")
+    plan = seating(paper, arm)
+    assert plan.duration < 5.5 < 8 < homing(paper).notes["until"]["to_s"]
+    shares = replay(plan, arm, samples=300, seed=1, record_s=None).end_state[:, 2:]
+    assert np.mean(shares.min(axis=1) > 0.999) > 0.98
+    assert plan.notes["end_state"] == [1, 1, 1, 1]
+    known = arm.nominal()
+    sure = seating(paper, known)
+    assert sure.duration < plan.duration - 0.5
+    assert replay(sure, known, samples=100, record_s=None).end_state[:, 2:].min() > 0.999
+
+
+def test_seating_wants_axes_that_turn(paper: Problem) -> None:
+    with pytest.raises(InputError, match="bring joints 1 to n-1 nearer to 0 degrees"):
+        seating(paper.changed({"start.theta_deg": [60, 1, 1], "limits.z2_margin": None}))
 
 
 def test_noise_of_the_encoders_does_not_end_homing_early(paper: Problem) -> None:

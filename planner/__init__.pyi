@@ -5,6 +5,7 @@ from .check import Analysis as Analysis
 from .check import check as check
 from .comparison.compare import compare as compare
 from .comparison.comparison import Comparison as Comparison
+from .compensation import seating as seating
 from .errors import InfeasibleError as InfeasibleError
 from .errors import InputError as InputError
 from .errors import InputWarning as InputWarning
@@ -30,7 +31,6 @@ from .machine.replay import replay as replay
 from .methods.motions import check_run as check_run
 from .methods.motions import excitation as excitation
 from .methods.motions import homing as homing
-from .methods.motions import seating as seating
 from .methods.registry import METHODS as METHODS
 from .methods.registry import register_method as register_method
 from .plan.claims import Certificate as Certificate

@@ -20,12 +20,13 @@ from planner.cli.arguments import (
 )
 from planner.cli.output import finish, job, number, numbers, say
 from planner.cli.plan import machine_facts
+from planner.compensation import seating
 from planner.errors import InputError, NoPlanError
 from planner.machine.identification.band import departure
 from planner.machine.identification.identify import Identification, predict_run
 from planner.machine.identification.identify import identify as run_identification
 from planner.machine.machine import Machine, load_machine
-from planner.methods.motions import MOTIONS
+from planner.methods.motions import MOTIONS as OTHERS
 from planner.plan.recorded.log import read_log
 from planner.report.figures.recorded import plot_run
 from planner.support.files import refuse_picture, refuse_unwritable, write_figure
@@ -45,6 +46,8 @@ Columns = Annotated[
 LogProblem = Annotated[
     Path, typer.Option("--problem", "-p", metavar="PROBLEM", help="The problem file of the arm.")
 ]
+
+MOTIONS = {**OTHERS, "seating": seating}
 
 
 def motion(

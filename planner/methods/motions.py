@@ -27,8 +27,6 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError, PlannerError, VerificationError
-from planner.machine.feedback.means import gearhead_play, lost_motion, lost_spread, mean_passing
-from planner.machine.machine import Machine, machine_for
 from planner.methods.refusal import looser_limits
 from planner.plan.measures import Objective
 from planner.plan.plan import Plan
@@ -205,33 +203,19 @@ SEAT_RAD_S, LAST_SEAT_RAD_S, LAST_SEAT_RAMP_S = 0.45, 0.1, 0.25
 """Speeds of the drive and of the last turn of joint 1 while seating, rad/s; time in which that turn
 reaches its speed, s. Without readings nothing is gained by slow turns."""
 
-SEAT_SPREADS = 3.5
-"""Standard deviations of a joint's lost motion beyond its mean that are taken up. Of 1000
-prototypes in any state 996 are then seated, and 998 with 4, which takes 0.1 s more."""
 
-
-def seating(problem: Problem, machine: Machine | str | None = None) -> Plan:
-    """Return a motion that leaves an arm as homing does, without readings while it runs.
-
-    The drive turns back, then forward by twice the largest lost motion of any joint, as far as the
-    slowest axis needs. Joint 1 then turns forward by 2 degrees, and the arm rests. It takes 5 s
-    where homing takes 8 s, but needs an arm whose lost motion is known to three and a half standard
-    deviations. The pose after it is not known: read it before planning on. Links with inertia coast
-    through their backlash: home such an arm.
+def seating(problem: Problem, axis_turns: Array, gearhead_play: float) -> Plan:
+    """Return the motion of `planner.seating`.
 
     Args:
         problem: Defines the arm, its present pose and the limits, of which that of z₂ is ignored.
-        machine: The machine with its spreads. By default the problem's machine.
-
-    Raises:
-        InputError, VerificationError: As for `homing`.
+        axis_turns: Angle by which the drive must turn each passive axis in either direction, were
+            its contacts ideal, (n−1,), rad.
+        gearhead_play: Whole play of the drive's gearhead, rad.
     """
     system = _arm(problem, "a seating motion")
-    used = machine_for(problem.machine, machine)
     axes = _axis_rates(problem, system, "a seating motion")
-    lost = lost_motion(system, used) + SEAT_SPREADS * lost_spread(used, system.n)
-    passed = mean_passing(system, used, problem.start[None])[0, 1:]
-    drive = 2 * float(np.max(lost / (passed * axes))) + 2 * gearhead_play(system, used)[0]
+    drive = float(np.max(axis_turns / axes)) + 2 * gearhead_play
     turns = [
         (0, -drive, SEAT_RAD_S, RAMP_S),
         (0, drive, SEAT_RAD_S, RAMP_S),
@@ -292,7 +276,6 @@ MOTIONS: dict[str, Callable[[Problem], Plan]] = {
     "excitation": excitation,
     "check": check_run,
     "homing": homing,
-    "seating": seating,
     "signs": signs,
 }
 """Functions that make motions, by name; the plan of a motion has this name as its method."""

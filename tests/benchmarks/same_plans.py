@@ -36,7 +36,13 @@ METHODS = ("polynomial", "piecewise", "sinusoid", "collocation", "convex", "dese
 # desensitising starts from there. No other candidate comes near it, so that timing all of them
 # changes nothing, and 60 intervals do not bring one answer either (1.094, 1.106).
 # Haswell's and Nehalem's kernels give 1.1192 and 1.1859, SkylakeX's 1.0973 and 1.1579.
-LOOSE = {"obstacle collocation": 0.03, "obstacle desensitised": 0.03}
+# Desensitising z2-singular ends in a flat valley: from one guess these three kernels give 1.14984,
+# 1.15042 and 1.14963, with efforts from 2.74 to 2.84.
+LOOSE = {
+    "obstacle collocation": 0.03,
+    "obstacle desensitised": 0.03,
+    "z2-singular desensitised": 1e-3,
+}
 
 Answer = dict[str, Any]
 

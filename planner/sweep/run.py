@@ -224,7 +224,7 @@ class _SweepRun:
 
     def _report(self, pool: Pool) -> None:
         trouble = pool.trouble()
-        if trouble and not self.trouble:
+        if trouble and trouble != self.trouble:
             warnings.warn(trouble, InputWarning, stacklevel=4)
         self.trouble = trouble
         counts = ", ".join(f"{n} {status.replace('_', ' ')}" for status, n in self.statuses.items())

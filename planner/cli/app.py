@@ -57,7 +57,7 @@ COMMANDS = {
     "sensitivity": ("sensitivity", "Compute how errors shift the end of a plan."),
     "sweep": ("sweep", "Run those cases of a sweep that are not yet in the database."),
     "design": ("sweep", "Compare designs of the mechanism, and recommend one."),
-    "motion": ("bench", "Make a motion to home or seat an arm, to identify it, or to test it."),
+    "motion": ("bench", "Make a motion to home, seat, identify or test an arm."),
     "log": ("bench", "Check a recorded run, and compare it with its plan."),
     "identify": ("bench", "Find the machine of an arm from recorded runs."),
     "export": ("files", "Write a plan as a file for another program."),

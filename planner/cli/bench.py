@@ -67,7 +67,7 @@ def motion(
         Path | None, out_option("FILE", "Save it in this JSON file, like a plan.")
     ] = None,
 ) -> int:
-    """Make a motion to home or seat an arm, to identify it, or to test it.
+    """Make a motion to home, seat, identify or test an arm.
 
     excitation: for 30 s the drive reverses in a square wave while joint 1 follows two sines.
     check: slower, 20 s; `planner identify` tests its result on that run if it is the last one.

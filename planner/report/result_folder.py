@@ -11,6 +11,7 @@ import errno
 import hashlib
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -42,16 +43,18 @@ def refuse_unwritable_folder(path: str | Path | None) -> None:
     if path is None:
         return
     target = possible_path(path)
-    if target.is_dir():
+    kind = None
+    with suppress(OSError):  # asked once: another command may be replacing the folder
+        kind = target.stat().st_mode
+    if kind is not None and stat.S_ISDIR(kind):
         if target.resolve() == Path.cwd():
             raise InputError(f"{target} is the current folder; name another folder")
-        # Another command may be replacing the folder: one that vanishes is no hindrance.
         with suppress(FileNotFoundError):
             if (names := {each.name for each in target.iterdir()}) and MARKER not in names:
                 raise InputError(
                     f"{target} holds files that are not from an earlier run; name another folder"
                 )
-    elif target.exists():
+    elif kind is not None:
         raise InputError(f"{target} is a file; name a folder")
     refuse_ground(target)
 

@@ -195,5 +195,6 @@ def _greets(address: str) -> bool:
             return False
     except (OSError, ValueError, OverflowError) as error:
         raise InputError(
-            f"no Dask scheduler answers at {shorten(address)!r}, as at tcp://host:8786: {error}"
+            f"no Dask scheduler answers at {shorten(address)}: {error} (an address is, for example,"
+            " tcp://host:8786)"
         ) from None

@@ -24,7 +24,7 @@ explorer"""
 SLOW = """import planner
 search = {"start": "wander", "starts": 50, "attempts": 50}
 problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
-planner.explore(problem, samples=2, time_limit_s=600)"""  # the page ends it
+planner.explore(problem, samples=2, time_limit_s=120)"""  # the page ends it
 TURNING = """import planner
 problem = planner.load_problem("crossing.toml", {"compensation.on": True, "machine.step_s": 0.01})
 planner.explore(problem, samples=20)"""
@@ -304,7 +304,7 @@ def test_no_verdict_stands_beside_other_settings_and_stop_works(show: Any, tmp_p
     page.wait_for_function("getComputedStyle(document.querySelector('.px-grid')).opacity < 0.5")
     picture(page, "planning", tmp_path)
     page.locator("[data-button=stop]").click()
-    page.wait_for_selector(".px[data-kind=stopped], .px[data-kind=verified]")
+    page.wait_for_selector(".px[data-kind=stopped], .px[data-kind=verified]", timeout=100_000)
     said = page.locator(".px-words").text_content()
     assert "the Stop button ended" in said
     assert "time limit" not in said

@@ -59,7 +59,7 @@ class ClusterPool(Pool):
                 f"--cluster needs Dask; install it with: {how_to_install('cluster')}"
             ) from None
         # We report a lost connection in one message; silence the pages that Dask logs about it.
-        for part in ("client", "core", "utils"):
+        for part in ("batched", "client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
         self._name = f"the Dask scheduler at {shorten(address)}"
         self._failure = (

@@ -23,7 +23,12 @@ from planner.methods.collocation.long_arms.exact_motion import (
     exact_motion,
     has_only_limits,
 )
-from planner.methods.collocation.pipeline import Pipeline, collocation_task, search_intervals
+from planner.methods.collocation.pipeline import (
+    Pipeline,
+    Stages,
+    collocation_task,
+    search_intervals,
+)
 from planner.methods.collocation.refusals import NAME, iterate_plan, no_goal, refusal
 from planner.methods.collocation.task import Solution, Task
 from planner.methods.collocation.transcription.form import Mesh
@@ -67,13 +72,14 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             shortest duration found.
         NotConvergedError: If no motion is found, or every motion found takes longer.
     """
-    posts, part, late = uncovered(problem.obstacles), replace(problem, obstacles=()), None
+    posts, part = uncovered(problem.obstacles), replace(problem, obstacles=())
+    stages: Stages = "all"
     with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
         while part.obstacles != posts:
             try:
-                plan = replace(_plan_beside(part, options, late=False), problem=problem)
+                plan = replace(_plan_beside(part, options, "first"), problem=problem)
             except NoPlanError:
-                late = problem.duration is not None or None
+                stages = "all" if problem.duration is None else "last"
                 break
             met = {id(disc) for disc in part.obstacles}
             met |= {id(violation.demand) for violation in verify(plan).violations}
@@ -81,12 +87,12 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             if discs == part.obstacles:
                 return plan
             part = replace(problem, obstacles=discs)
-        plan = _plan_beside(replace(problem, obstacles=posts), options, late)
+        plan = _plan_beside(replace(problem, obstacles=posts), options, stages)
         return replace(plan, problem=problem)
 
 
-def _plan_beside(problem: Problem, options: CollocationOptions, late: bool | None = None) -> Plan:
-    """Plan among the discs of this problem; for `late` see `Pipeline`."""
+def _plan_beside(problem: Problem, options: CollocationOptions, stages: Stages = "all") -> Plan:
+    """Plan among the discs of this problem; for `stages` see `Pipeline`."""
     plans = list[Plan]()
     possible = bool(problem.obstacles) and why_too_short(problem) is None
     for each, is_searched in thicknesses(problem) if possible else []:
@@ -99,12 +105,12 @@ def _plan_beside(problem: Problem, options: CollocationOptions, late: bool | Non
                 if plan is not None:
                     plans += _shrink(plan, each, options)
                 elif is_searched:
-                    plans.append(_plan_from(each, options, None, late))
+                    plans.append(_plan_from(each, options, None, stages))
         plans = [plan for plan in plans if plan.status == "solved"]
         plans.sort(key=lambda plan: plan.objective)
     if plans:
         return replace(plans[0], problem=problem)
-    return _plan_from(problem, options, None, late)
+    return _plan_from(problem, options, None, stages)
 
 
 def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterator[Plan]:
@@ -119,7 +125,7 @@ def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterat
 
 
 def _plan_from(
-    problem: Problem, options: CollocationOptions, warm: Plan | None, late: bool | None = None
+    problem: Problem, options: CollocationOptions, warm: Plan | None, stages: Stages = "all"
 ) -> Plan:
     """Plan for discs as they are, from first guesses or from the plan `warm`."""
     reached = problem.within_reach()
@@ -128,7 +134,7 @@ def _plan_from(
         raise no_goal(problem)
     near = () if warm is None else _near_motions(reached, options, warm)
     record = Record(options.accuracy)
-    search = Pipeline(ways, options, record, near, late)
+    search = Pipeline(ways, options, record, near, stages)
     with (
         deadline.time_limit(options.time_limit_s),
         deadline.time_limit(None, has_answer=record.holds) as span,

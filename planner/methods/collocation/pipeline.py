@@ -25,6 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -73,6 +74,9 @@ GAIN = 1e-3
 """A further motion is refined only if it saves at least this share of the objective."""
 
 
+Stages = Literal["all", "first", "last"]
+
+
 @dataclass(frozen=True, eq=False)
 class Pipeline:
     """One search.
@@ -82,8 +86,7 @@ class Pipeline:
         options: Options of the method.
         record: Keeps what is found on the way.
         near: Candidates near an existing plan, the first stage.
-        late: Whether to leave out the stages before slower motions and ladder; False: leave out
-            these; None: have all.
+        stages: Which stages to run: those before slower motions and ladder come first.
         paths: Paths by route, found so far; they do not depend on the duration.
     """
 
@@ -91,7 +94,7 @@ class Pipeline:
     options: CollocationOptions
     record: Record
     near: Iterable[Candidate] = ()
-    late: bool | None = None
+    stages: Stages = "all"
     paths: dict[int, RoutePaths] = field(default_factory=dict)
 
     @property
@@ -139,12 +142,12 @@ class Pipeline:
         search is repeated with a free duration, and its motion is slowed down. With a free duration
         the ladder follows, which finds paths of long arms where all guesses fail.
         """
-        if not self.late:
+        if self.stages != "last":
             yield self._near_motions
             if self.options.start in ("auto", "straight"):
                 yield self._straight_motions
             yield self._path_motions
-        if self.late is False:
+        if self.stages == "first":
             return
         if self.routes[0].duration is not None:
             yield self._slower_motions

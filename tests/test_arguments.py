@@ -190,6 +190,9 @@ def test_a_file_and_tables_give_the_same_plan() -> None:
     assert longer.duration == 12.0
     assert longer.limits.z2_margin is None
     assert planner.load_problem(tables) == planner.load_problem(problem.to_dict())
+    for motion in (planner.excitation, planner.check_run, planner.homing):
+        for same in (path, tables):
+            np.testing.assert_array_equal(motion(same).t, motion(problem).t)
 
 
 def test_one_wrong_among_several_plans_is_told(plan: planner.Plan) -> None:

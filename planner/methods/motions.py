@@ -67,7 +67,7 @@ and touches nothing. At 0.3 the axes would hardly exceed twice the prototype's l
 degrees."""
 
 
-def excitation(problem: Problem) -> Plan:
+def excitation(problem: AnyProblem) -> Plan:
     """Return a motion of 30 s to record, from which `planner.identify` learns the machine.
 
     The drive reverses in a square wave of 5.3 s while θ₁ follows two sines of 11 and 3.1 s. The
@@ -86,7 +86,7 @@ def excitation(problem: Problem) -> Plan:
     return _waves(problem, "excitation")
 
 
-def check_run(problem: Problem) -> Plan:
+def check_run(problem: AnyProblem) -> Plan:
     """Return a motion of 20 s to keep out of the fit, on which `planner.identify` tests its result.
 
     Every joint reverses six times: a run in one direction is predicted as well by a machine whose
@@ -96,8 +96,8 @@ def check_run(problem: Problem) -> Plan:
     return _waves(problem, "check")
 
 
-def _waves(problem: Problem, name: str) -> Plan:
-    system = _arm(problem, f"a motion of kind '{name}'")
+def _waves(given: AnyProblem, name: str) -> Plan:
+    problem, system = _arm(given, f"a motion of kind '{name}'")
     length_s, drive_rad_s, period_s, speeds, periods_s = WAVES[name]
     t = KNOT_S * np.arange(round(length_s / KNOT_S) + 1, dtype=np.float64)
     most = SHARE * problem.limits.input
@@ -121,10 +121,10 @@ def _waves(problem: Problem, name: str) -> Plan:
     raise why
 
 
-def signs(problem: Problem) -> Plan:
+def signs(problem: AnyProblem) -> Plan:
     """Return a motion that shows the sign of each drive: motor 2 turns forward by 2 degrees, then
     motor 1. For arguments and errors see `homing`."""
-    system = _arm(problem, "a motion of kind 'signs'")
+    problem, system = _arm(problem, "a motion of kind 'signs'")
     turns = [(motor, np.deg2rad(LAST_TURN_DEG), LAST_TURN_RAD_S, RAMP_S) for motor in (1, 0)]
     return _turned(problem, system, "signs", _in_turn(problem, turns)[0], {})
 
@@ -158,7 +158,7 @@ MOST_STRETCH = 2.5
 """Largest factor on the usual turns for slower axes; a larger factor exceeds the joints' range."""
 
 
-def homing(problem: Problem) -> Plan:
+def homing(problem: AnyProblem) -> Plan:
     """Return a motion after which backlash and torsion are known: every axis is ahead of its joint.
 
     The drive turns back by 0.6 rad, forward by 0.5 rad at 0.3 rad/s, then slowly until every
@@ -177,7 +177,7 @@ def homing(problem: Problem) -> Plan:
             start.
         VerificationError: If the motion breaks a limit or touches something.
     """
-    system = _arm(problem, "a homing motion")
+    problem, system = _arm(problem, "a homing motion")
     stretch = max(1.0, USUAL_AXIS / float(_axis_rates(problem, system, "a homing motion").min()))
     turns = [
         (0, -BACK_RAD * stretch, QUICK_RAD_S, 0.0),
@@ -213,7 +213,7 @@ def seating(problem: Problem, axis_turns: Array, gearhead_play: float) -> Plan:
             its contacts ideal, (n−1,), rad.
         gearhead_play: Whole play of the drive's gearhead, rad.
     """
-    system = _arm(problem, "a seating motion")
+    problem, system = _arm(problem, "a seating motion")
     axes = _axis_rates(problem, system, "a seating motion")
     drive = float(np.max(axis_turns / axes)) + 2 * gearhead_play
     turns = [
@@ -272,7 +272,7 @@ def _turn(motor: int, angle: float, speed: float, ramp_s: float) -> Array:
     return out
 
 
-MOTIONS: dict[str, Callable[[Problem], Plan]] = {
+MOTIONS: dict[str, Callable[[AnyProblem], Plan]] = {
     "excitation": excitation,
     "check": check_run,
     "homing": homing,
@@ -283,7 +283,8 @@ MOTIONS: dict[str, Callable[[Problem], Plan]] = {
 # -- both -----------------------------------------------------------------------------------------
 
 
-def _arm(problem: AnyProblem, what: str) -> Manipulator:
+def _arm(problem: AnyProblem, what: str) -> tuple[Problem, Manipulator]:
+    """Return the problem of an arm, and the arm."""
     problem = problem_of(problem)
     system = problem.system
     if not isinstance(system, Manipulator):
@@ -292,7 +293,7 @@ def _arm(problem: AnyProblem, what: str) -> Manipulator:
             f" 'manipulator'), and this is a {system.kind}",
             source=problem.source,
         )
-    return system
+    return problem, system
 
 
 def _within_rate(u: Array, rate: Array) -> Array:

@@ -89,8 +89,7 @@ def motion(
     task = read_problem(problem, changes, machine)
     if pose_from is not None:
         task = task.from_pose(read_log(pose_from).pose_deg)
-    if out is not None:
-        refuse_unwritable(out)
+    refuse_unwritable(out)
     with job(f"making the {kind} motion"):
         plan = MOTIONS[kind](task)
         space, words = machine_facts(plan, space=True)

@@ -92,6 +92,23 @@ def test_ctrl_c_has_the_best_plan_so_far_too(paper: planner.Problem) -> None:
     assert plan.notes["ended_early"].startswith("Ctrl-C ended the search")
 
 
+def test_ctrl_c_ends_the_searches_among_posts_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The posts are met: a search without them is followed by searches with them."""
+    monkeypatch.setattr(deadline, "LEAST_FINISH_S", 0.001)
+    endless = {"start": "wander", "starts": 4000, "attempts": 4000}
+    posts = planner.load_problem(PAPER.with_name("obstacle.toml"), {"method.collocation": endless})
+    pressed = False
+
+    def until_found(progress: Progress) -> None:
+        nonlocal pressed
+        pressed = pressed or deadline.stop()
+
+    with pytest.raises(planner.NoPlanError, match="Ctrl-C ended the search") as refused:
+        planner.solve(posts, "collocation", time_limit_s=60.0, progress=until_found)
+    assert pressed
+    assert refused.value.status == "interrupted"
+
+
 def test_a_coarse_motion_is_made_a_plan(
     hard: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

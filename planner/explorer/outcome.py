@@ -80,10 +80,10 @@ def path(state: State) -> ScreenOutcome:
             )
         except NoPlanError as error:
             refusal = error
-        if span.ended_by:
+        if span.ended_by or refusal.status == "interrupted":
             refusal.status = "stopped"
         motion = refusal.plan
-        if motion is None:
+        if motion is None and not isinstance(refusal, TimeLimitError):
             with suppress(TimeUpError):
                 motion = _study_path(problem, method, options)
         motion = None if motion is None else replace(motion, status=refusal.status)

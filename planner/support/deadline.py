@@ -256,6 +256,7 @@ def holds_answer(context: Context | None = None) -> bool:
 def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     """End the outermost search of a context now, but leave time to refine its answer.
 
+    The time goes to the inmost search that has an answer; what runs within that one ends at once.
     A handler of Ctrl-C calls this, or another thread, which passes the search's context.
 
     Returns:
@@ -264,10 +265,12 @@ def stop(context: Context | None = None, by: str = "Ctrl-C") -> bool:
     if not holds_answer(context):
         return False
     spans = _spans(_span.get() if context is None else context.get(_span))
-    outermost = [span for span in spans if span.has_answer is not None][-1]
+    searches = [span for span in spans if span.has_answer is not None]
+    outermost = searches[-1]
     outermost.end_within(max(LEAST_FINISH_S, FINISH_SHARE * (time.monotonic() - outermost.start)))
     outermost.interrupter, outermost.was_reached = by, True
-    for span in spans[: spans.index(outermost)]:
+    holder = next(span for span in searches if span.has_answer and span.has_answer())
+    for span in spans[: spans.index(holder)]:
         span.end_within(0.0)
     return True
 

@@ -22,9 +22,9 @@ problem = planner.load_problem("paper.toml", {"goal.travel": 0.82})
 explorer = planner.explore(problem, samples=5)
 explorer"""
 SLOW = """import planner
-search = {"start": "wander", "starts": 50, "attempts": 50}
+search = {"start": "wander", "starts": 4000, "attempts": 4000}
 problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
-planner.explore(problem, samples=2, time_limit_s=120)"""  # the page ends it
+planner.explore(problem, samples=2, time_limit_s=300)"""  # the page ends it
 TURNING = """import planner
 problem = planner.load_problem("crossing.toml", {"compensation.on": True, "machine.step_s": 0.01})
 planner.explore(problem, samples=20)"""

@@ -74,10 +74,18 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     """
     posts, part = uncovered(problem.obstacles), replace(problem, obstacles=())
     stages: Stages = "all"
-    with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
+    records = list[Record]()
+    with (
+        progress.progress_listener(None),
+        # One search for whoever stops it, or the next would begin.
+        deadline.time_limit(
+            options.time_limit_s, has_answer=lambda: any(each.holds() for each in records)
+        ),
+    ):
         while part.obstacles != posts:
             try:
-                plan = replace(_plan_beside(part, options, "first"), problem=problem)
+                found = _plan_beside(part, options, records, "first")
+                plan = replace(found, problem=problem)
             except NoPlanError:
                 stages = "all" if problem.duration is None else "last"
                 break
@@ -87,12 +95,18 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
             if discs == part.obstacles:
                 return plan
             part = replace(problem, obstacles=discs)
-        plan = _plan_beside(replace(problem, obstacles=posts), options, stages)
+        plan = _plan_beside(replace(problem, obstacles=posts), options, records, stages)
         return replace(plan, problem=problem)
 
 
-def _plan_beside(problem: Problem, options: CollocationOptions, stages: Stages = "all") -> Plan:
-    """Plan among the discs of this problem; for `stages` see `Pipeline`."""
+def _plan_beside(
+    problem: Problem, options: CollocationOptions, records: list[Record], stages: Stages
+) -> Plan:
+    """Plan among the discs of this problem.
+
+    `records` are those of this problem's searches afterwards; for `stages` see `Pipeline`.
+    """
+    records.clear()
     plans = list[Plan]()
     possible = bool(problem.obstacles) and why_too_short(problem) is None
     for each, is_searched in thicknesses(problem) if possible else []:
@@ -100,17 +114,18 @@ def _plan_beside(problem: Problem, options: CollocationOptions, stages: Stages =
             with (
                 suppress(NoPlanError, TimeUpError),
                 deadline.time_share(THICK_SHARE),
-                deadline.work_limit(THICK_WORK_S, "the limit of work for thicker discs"),
+                deadline.work_limit(THICK_WORK_S, "the limit of work for thicker discs") as span,
             ):
                 if plan is not None:
                     plans += _shrink(plan, each, options)
                 elif is_searched:
-                    plans.append(_plan_from(each, options, None, stages))
-        plans = [plan for plan in plans if plan.status == "solved"]
+                    plans.append(_plan_from(each, options, None, records, stages))
+        plans = [plan for plan in plans if plan.status in ("solved", "interrupted")]
         plans.sort(key=lambda plan: plan.objective)
     if plans:
-        return replace(plans[0], problem=problem)
-    return _plan_from(problem, options, None, stages)
+        plan = replace(plans[0], problem=problem)
+        return mark_cut_short(plan, span, CUT_SHORT) if span.ended_by else plan
+    return _plan_from(problem, options, None, records, stages)
 
 
 def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterator[Plan]:
@@ -125,15 +140,22 @@ def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterat
 
 
 def _plan_from(
-    problem: Problem, options: CollocationOptions, warm: Plan | None, stages: Stages = "all"
+    problem: Problem,
+    options: CollocationOptions,
+    warm: Plan | None,
+    records: list[Record],
+    stages: Stages = "all",
 ) -> Plan:
-    """Plan for discs as they are, from first guesses or from the plan `warm`."""
+    """Plan for discs as they are, from first guesses or from the plan `warm`.
+
+    The search adds its record to `records`; for `stages` see `Pipeline`.
+    """
     reached = problem.within_reach()
     ways = routes(reached)
     if not ways:
         raise no_goal(problem)
     near = () if warm is None else _near_motions(reached, options, warm)
-    record = Record(options.accuracy)
+    records.append(record := Record(options.accuracy))
     search = Pipeline(ways, options, record, near, stages)
     with (
         deadline.time_limit(options.time_limit_s),
@@ -172,7 +194,7 @@ def _finish_best(
         last, violations = iterate_plan(problem, failed, options)
     came = "" if far is None else f" after {far.solves} solves (the search was {far.doing})"
     nearest = "; the closest attempt breaks:" if violations else ""
-    raise TimeLimitError(
+    error = TimeLimitError(
         f"{span.why} ended the search before it had found a motion{came}",
         source=problem.source,
         list_head=nearest,
@@ -180,6 +202,8 @@ def _finish_best(
         violations=violations,
         advice=time_advice(),
     )
+    error.status = "interrupted" if span.ended_by else error.status
+    raise error
 
 
 def _plan(
@@ -243,7 +267,7 @@ def replan_collocation(problem: Problem, options: CollocationOptions, warm: Plan
     """
     refuse_start(problem, warm)
     with progress.progress_listener(None):
-        return _plan_from(problem, options, warm)
+        return _plan_from(problem, options, warm, [])
 
 
 def refuse_start(problem: Problem, warm: Plan) -> None:

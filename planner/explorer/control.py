@@ -82,7 +82,7 @@ class Control:
             return self.writes[self.choices.index(value)] if self.writes else value
         if value is None:
             return self.off
-        number = round(float(value)) if self.integer else round_digits(float(value))
+        number = round(float(value)) if self.integer else float(value)
         if not self.part:
             return number
         whole = plain(self.whole)

@@ -64,7 +64,7 @@ function render({ model, el }) {
     ghost: true,
     say: (text) => (live.textContent = text),
     setTime: () => {},
-    drag: (names, values) => names.forEach((name, k) => set(name, values[k])),
+    drag: (names, values) => names.forEach((name, k) => set(name, Number(values[k].toPrecision(6)))),
     follow: (chart, t) => charts.forEach((other) => other !== chart && other.setCursor(t)),
   };
   let panels = [];

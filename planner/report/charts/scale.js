@@ -25,12 +25,16 @@ function ticks(low, high, count, log = false) {
     const inside = out.filter((x) => x >= low * 0.999 && x <= high * 1.001);
     return inside.length > 2 * count ? inside.filter((x) => /^1/.test(x.toExponential())) : inside;
   }
-  const rough = (high - low) / Math.max(1, count);
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough * 0.999);
+  const step = roundStep((high - low) / Math.max(1, count));
   const out = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + step * 1e-9; k++) out.push(k * step);
   return out;
+}
+
+/** The least of 1, 2 and 5 times a power of ten that is not below `rough`. */
+function roundStep(rough) {
+  const power = 10 ** Math.floor(Math.log10(rough));
+  return [1, 2, 5, 10].map((m) => m * power).find((s) => s >= rough * 0.999);
 }
 
 /** A number in few characters, with a true minus sign. */

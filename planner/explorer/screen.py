@@ -59,7 +59,7 @@ class Screen:
     """
 
     def __init__(self, state: State) -> None:
-        self.state = state
+        self.state = self._first = state
         self.controls: Mapping[str, Control] = {}
         self.outcome: ScreenOutcome
         self.plan_anew()
@@ -107,9 +107,8 @@ class Screen:
             self._rebuild(self.outcome.problem, self.outcome.plan)
 
     def reset(self) -> None:
-        """Return to the settings of the initial problem, and plan."""
-        now = self.state
-        self.state = State.from_problem(now.base, now.method, now.samples, now.time_limit_s)
+        """Return to the settings first shown, and plan."""
+        self.state = self._first
         self.plan_anew()
 
     def judge(self) -> None:

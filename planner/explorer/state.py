@@ -12,6 +12,7 @@ from pathlib import Path
 from pprint import pformat
 from typing import Any
 
+from planner.errors import InputError
 from planner.problem.problem import Problem
 from planner.support.files import toml_lines
 
@@ -25,6 +26,8 @@ simulated in coarser steps. `code` and `problem_file` list them like any other c
 
 
 JOINTS_KEY = "system.joints"
+
+Z2_KEY = "limits.z2_margin"
 
 PER_JOINT = {
     "system.K": 1,
@@ -78,7 +81,13 @@ class State:
         if key == "samples":
             return replace(self, samples=int(value))
         more = self._resize(int(value)) if key == JOINTS_KEY else {}
-        return replace(self, changes={**self.changes, **more, key: value})
+        state = replace(self, changes={**self.changes, **more, key: value})
+        if key == JOINTS_KEY and self.value(Z2_KEY) is not None:
+            try:
+                state.problem()
+            except InputError:  # z₂ of another number of joints may change its sign
+                return replace(state, changes={**state.changes, Z2_KEY: None})
+        return state
 
     def _resize(self, joints: int) -> dict[str, Any]:
         """Return changes that give the lists in `PER_JOINT` and waypoints the length for `joints`.

@@ -94,7 +94,6 @@ def show(loaded: Callable[[str], Any]) -> Callable[..., Any]:
     def shown(name: str, width: int = 1500) -> Any:
         page = loaded(name)
         page.set_viewport_size({"width": width, "height": 1500})
-        choose(page, "polynomial")  # which a reset leaves as it is
         settled(page)
         number = page.locator(".px").get_attribute("data-number")
         page.locator("[data-button=reset]").click()
@@ -139,7 +138,8 @@ def drag_first_point(page: Any, right: int, down: int) -> None:
 
 
 def code(page: Any) -> str:
-    page.locator("[data-button=code]").click()
+    if page.locator("[data-button=code]").get_attribute("aria-pressed") != "true":
+        page.locator("[data-button=code]").click()
     page.wait_for_function("document.querySelector('.px-texts textarea')?.value.includes('import')")
     return str(page.locator(".px-texts textarea").input_value())
 
@@ -281,6 +281,33 @@ def test_numbers_are_typed_beside_every_slider(show: Any) -> None:
     field.fill("")
     field.press("Tab")
     assert field.input_value() == "45", "what is no number is taken back"
+
+
+def test_code_and_file_open_below_their_buttons_and_are_copied(show: Any) -> None:
+    page = show("try")
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    text = code(page)
+    button, area = (
+        page.locator(place).bounding_box() for place in ("[data-button=code]", ".px-texts textarea")
+    )
+    assert 0 < area["y"] - (button["y"] + button["height"]) < 20
+    page.locator("[data-button=copy]").click()
+    assert page.locator("[data-button=copy]").text_content() == "Copied"
+    assert page.evaluate("navigator.clipboard.readText()") == text
+    page.locator("[data-button=file]").click()
+    page.wait_for_function("document.querySelector('.px-texts textarea').value.includes('[goal]')")
+    assert page.locator("[data-button=copy]").text_content() == "Copy"
+    page.locator("[data-button=file]").click()
+    assert page.locator(".px-texts textarea").count() == 0
+
+
+def test_the_facts_are_read_in_full(show: Any) -> None:
+    page = show("try", width=900)
+    facts = page.locator(".px-facts")
+    facts.evaluate("(e) => { e.textContent = 'a reservation about the plan, '.repeat(20) }")
+    assert facts.evaluate(
+        "(e) => e.scrollWidth <= e.clientWidth && e.scrollHeight <= e.clientHeight"
+    )
 
 
 def test_a_screen_reader_tells_every_control_from_the_others(show: Any) -> None:

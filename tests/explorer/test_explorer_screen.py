@@ -352,11 +352,24 @@ def test_only_an_arm_of_friction_disks_has_a_mechanism_to_draw() -> None:
     assert screen("ball-gear").mechanism()["mechanism"] == ""
 
 
-def test_reset_goes_back_to_the_problem() -> None:
-    shown = screen("paper")
-    shown.change([("goal.travel", 0.81)])
+def test_reset_goes_back_to_what_was_shown_first() -> None:
+    shown = screen("paper", samples=2)
+    first = shown.state
+    shown.change([("goal.travel", 0.81), ("method", "convex"), ("samples", 0)])
     shown.reset()
-    assert "goal.travel" not in shown.state.changes_from_base()
+    assert shown.state == first
+    assert shown.outcome.state == first
+
+
+def test_with_more_joints_a_limit_on_z2_that_no_motion_keeps_is_switched_off() -> None:
+    shown = screen("paper", "collocation", samples=0, **{"goal.travel": "free"})
+    shown.change([("system.joints", 4)])
+    assert shown.outcome.kind != "bad input"
+    assert not shown.controls["limits.z2_margin"].on
+    assert {"system.K:2", "start.theta_deg:3", "goal.theta_deg:3"} <= set(shown.controls)
+    shown.reset()
+    shown.change([("system.joints", 5)])
+    assert shown.controls["limits.z2_margin"].on, "z2 has the same sign at start and goal"
 
 
 def test_unknown_controls_and_arguments_are_named(paper: planner.Problem) -> None:

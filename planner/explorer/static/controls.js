@@ -78,7 +78,7 @@ function makeSlider(c, changed) {
     if (KEYS[key] > 0 ? value <= now.high : value >= now.low) set(value);
   });
   const show = () => {
-    const text = now.shown === null ? "" : String(Number(now.shown.toPrecision(now.on ? 10 : 5)));
+    const text = now.shown === null ? "" : String(Number(now.shown.toPrecision(now.on ? 8 : 5)));
     if (!typing) number.value = text;
     input.value = toSlider(now, now.shown);
     words.textContent = now.on ? c.label : `${c.label} (${c.off_word})`;

@@ -53,7 +53,8 @@ function render({ model, el }) {
   const live = make("div", { class: "px-live", "aria-live": "polite" });
   head.append(verdict, stopper, kernel, facts);
   const mechanism = make("div", { class: "px-mechanism", tabindex: 0, hidden: "" });
-  main.append(head, words, mechanism, grid, live, texts);
+  const row = buttons();
+  main.append(head, words, row, texts, mechanism, grid, live);
   root.append(side, main);
   el.append(root);
 
@@ -82,8 +83,6 @@ function render({ model, el }) {
   });
 
   const fill = makeControls(make("div", {}, side), set);
-  const row = buttons();
-  side.append(row);
 
   function set(name, value) {
     if (side.inert) return;
@@ -273,24 +272,39 @@ function render({ model, el }) {
 
   function buttons() {
     const row = make("div", { class: "px-buttons" });
-    for (const [name, kind] of [["Python code", "code"], ["Problem file", "file"], ["Mechanism", "mechanism"], ["Reset", "reset"]]) {
-      const button = make("button", { type: "button", text: name, "data-button": kind }, row);
-      button.onclick = () => {
-        if (kind === "reset") {
-          waiting.clear();
-          if (busy && !(busy.kind in DOING)) stop(true);
-          return whenFree(() => ask("reset"));
-        }
-        if (kind === "mechanism") {
-          mechanism.hidden = !mechanism.hidden;
-          if (!mechanism.hidden && system !== drawn) whenFree(() => ask("mechanism"));
-          return;
-        }
-        texts.dataset.wanted = kind;
-        whenFree(() => ask("texts"));
-      };
-    }
+    const actions = { code: showText, file: showText, mechanism: toggleMechanism, reset };
+    for (const [kind, text] of [["code", "Python code"], ["file", "Problem file"], ["mechanism", "Mechanism"], ["reset", "Reset"]])
+      make("button", { type: "button", text, "data-button": kind }, row).onclick = () => actions[kind](kind);
     return row;
+  }
+
+  function reset() {
+    waiting.clear();
+    if (busy && !(busy.kind in DOING)) stop(true);
+    whenFree(() => ask("reset"));
+  }
+
+  function toggleMechanism() {
+    mechanism.hidden = !mechanism.hidden;
+    if (!mechanism.hidden && system !== drawn) whenFree(() => ask("mechanism"));
+    press();
+  }
+
+  /** Show the code or the file beside the buttons; the button of the text shown hides it. */
+  function showText(kind) {
+    const shown = texts.childElementCount > 0 && texts.dataset.wanted === kind;
+    texts.dataset.wanted = shown ? "" : kind;
+    if (!shown) return whenFree(() => ask("texts"));
+    stale = false;
+    texts.replaceChildren();
+    press();
+  }
+
+  /** Mark the buttons whose content is open. */
+  function press() {
+    const open = { code: texts.dataset.wanted === "code", file: texts.dataset.wanted === "file", mechanism: !mechanism.hidden };
+    for (const [kind, pressed] of Object.entries(open))
+      row.querySelector(`[data-button=${kind}]`).setAttribute("aria-pressed", pressed);
   }
 
   function whenFree(act) {
@@ -309,19 +323,23 @@ function render({ model, el }) {
 
   function showTexts(reply) {
     stale = false;
+    if (!texts.dataset.wanted) return;
     if (!texts.childElementCount) {
-      const copy = make("button", { type: "button", text: "Copy" }, texts);
-      const area = make("textarea", { readonly: "" }, texts);
+      const copy = make("button", { type: "button", text: "Copy", "data-button": "copy" }, texts);
+      make("textarea", { readonly: "", "aria-label": "the settings as text" }, texts);
       copy.onclick = () => {
+        const area = texts.querySelector("textarea");
         area.select();
         if (navigator.clipboard) navigator.clipboard.writeText(area.value);
         else document.execCommand("copy");
         copy.textContent = "Copied";
       };
     }
-    const area = texts.querySelector("textarea");
+    const [copy, area] = texts.children;
+    copy.textContent = "Copy";
     area.value = reply[texts.dataset.wanted];
     area.rows = Math.min(18, area.value.split("\n").length);
+    press();
   }
 
   model.on("msg:custom", answered);

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.settings import changed_settings, set_words
 from planner.support.arrays import Frozen, jsonable
-from planner.support.package import import_function, provenance, versions
+from planner.support.package import Figure, Table, import_function, provenance, versions
 from planner.support.statistics import LEAST_DIFFERENCE_DEG, Difference
 from planner.support.tables import (
     Column,
@@ -42,10 +42,6 @@ from planner.support.tables import (
     number,
     terminal_table,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 FORMAT = "planner-comparison"
 VERSION = 1

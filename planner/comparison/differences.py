@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.support.package import Table
 from planner.support.statistics import Difference
 from planner.support.tables import (
     Column,
@@ -18,9 +19,6 @@ from planner.support.tables import (
     markdown_table,
     terminal_table,
 )
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 TINY_DEG = 1e-9
 """Difference below which a number is a rounding error and shown as 0, in degrees."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +26,10 @@ from planner.plan.plan import Plan, refuse_inexecutable
 from planner.plan.samples import import_library, plan_facts
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array, Frozen
-from planner.support.package import import_function
+from planner.support.package import DataFrame, Dataset, Figure, Table, draw_figure
 from planner.support.progress import expect_listener
 from planner.support.tables import facts, notebook_html, number
 from planner.systems.manipulator import Manipulator
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 SETTLE_S = 0.5
 """Default time after the plan's end with zero command, seconds."""
@@ -268,7 +262,7 @@ class Replay(Recording, Frozen):
         """Number of the sample with the largest E; `replay(…, samples=[worst])` reproduces it."""
         return int(self.numbers[np.argmax(self.index_E_deg)])
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> DataFrame:
         """Return one row per machine: its errors, and every parameter that differs between
         machines.
 
@@ -293,7 +287,7 @@ class Replay(Recording, Frozen):
         frame.attrs = {**plan_facts(self.plan), "seed": self.seed}
         return frame
 
-    def to_xarray(self) -> xarray.Dataset:
+    def to_xarray(self) -> Dataset:
         """Return the true motions and motor speeds of the machines whose motions are kept, over
         sample and time.
 
@@ -301,7 +295,7 @@ class Replay(Recording, Frozen):
             InputError: If xarray is not installed.
         """
         system = self.plan.problem.system
-        dataset: xarray.Dataset = import_library("xarray").Dataset(
+        return import_library("xarray").Dataset(
             {
                 "q": (("sample", "time", "coordinate"), self.q),
                 "motor_rates": (("sample", "time", "input"), self.motor_rates),
@@ -316,7 +310,6 @@ class Replay(Recording, Frozen):
             },
             attrs={**plan_facts(self.plan), "seed": self.seed},
         )
-        return dataset
 
     def _repr_html_(self) -> str:
         return notebook_html(self.table())
@@ -334,9 +327,7 @@ class Replay(Recording, Frozen):
 
     def plot(self) -> Figure:
         """Draw the motions with `planner.report.plot_replays`."""
-        draw = import_function("planner.report.figures.on_the_machine.plot_replays")
-        figure: Figure = draw(self)[0]
-        return figure
+        return draw_figure("on_the_machine.plot_replays", self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the numbers of a comparison table, JSON-ready, in degrees and seconds.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -48,12 +48,9 @@ from planner.problem.tables.machine_effects import EFFECTS
 from planner.report.figures.style import COLOURS, GRID_STYLE
 from planner.report.result_folder import folder
 from planner.solve import solve
-from planner.support.package import provenance
+from planner.support.package import Figure, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MACHINES = 500
 """Number of random machines, whose median error is compared with the paper."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,12 +18,9 @@ from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.report.result_folder import folder
-from planner.support.package import provenance
+from planner.support.package import Figure, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,14 +33,8 @@ from planner.problem.tables.machine_effects import Worth
 from planner.support.arrays import Array, Frozen, floats, jsonable, locked
 from planner.support.deadline import Span
 from planner.support.files import write_text
-from planner.support.package import import_function
+from planner.support.package import DataFrame, Dataset, Figure, Table, draw_figure, import_function
 from planner.support.tables import notebook_html
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 FORMAT = "planner-plan"
 VERSION = 1
@@ -379,8 +373,7 @@ class Plan(Frozen):
         Raises:
             InputError: If the name is unknown, or the system or this plan has no such figure.
         """
-        picture: Figure = import_function("planner.report.figures.over_time.plot")(figure, self)[0]
-        return picture
+        return draw_figure("over_time.plot", figure, self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as JSON-ready data: what its file contains."""
@@ -405,17 +398,15 @@ class Plan(Frozen):
             }
         return dict(jsonable(data))
 
-    def to_frame(self, rate_hz: float = 100.0) -> pandas.DataFrame:
+    def to_frame(self, rate_hz: float = 100.0) -> DataFrame:
         """Return the plan at evenly spaced times as a pandas DataFrame; see
         `planner.plan.samples.to_frame`."""
-        frame: pandas.DataFrame = import_function("planner.plan.samples.to_frame")(self, rate_hz)
-        return frame
+        return import_function("planner.plan.samples.to_frame")(self, rate_hz)
 
-    def to_xarray(self, rate_hz: float = 100.0) -> xarray.Dataset:
+    def to_xarray(self, rate_hz: float = 100.0) -> Dataset:
         """Return the plan at evenly spaced times as an xarray Dataset; see
         `planner.plan.samples.to_xarray`."""
-        dataset: xarray.Dataset = import_function("planner.plan.samples.to_xarray")(self, rate_hz)
-        return dataset
+        return import_function("planner.plan.samples.to_xarray")(self, rate_hz)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,12 +24,8 @@ from planner.plan.trajectory import StateTrajectory
 from planner.support.arrays import Array, Frozen
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.files import SAMPLES_BYTES, expect_path, read_bytes
-from planner.support.package import how_to_install
+from planner.support.package import DataFrame, Dataset, how_to_install
 from planner.systems.triangular_system import Coordinate
-
-if TYPE_CHECKING:
-    import pandas
-    import xarray
 
 MAX_ROWS = 2_000_000
 RATE_HZ = 100.0
@@ -272,7 +268,7 @@ def _column_name(coordinate: Coordinate) -> str:
     return f"{coordinate.name}_{(coordinate.unit or '1').replace('/', '_').replace('^', '')}"
 
 
-def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
+def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> DataFrame:
     """Return samples of a plan as a pandas frame: index t_s, columns with units in their names.
 
     Raises:
@@ -285,7 +281,7 @@ def to_frame(plan: Plan, rate_hz: float = RATE_HZ) -> pandas.DataFrame:
     return frame
 
 
-def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
+def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> Dataset:
     """Return samples of a plan as a dataset: q, u, z, v over time; coordinates and inputs by name.
 
     `dataset.q.sel(coordinate="theta1")` is one angle; units are in the coordinates `unit_of_q` and
@@ -296,7 +292,7 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
     """
     samples, system = sample(plan, rate_hz), plan.problem.system
     chained = [f"z{i + 1}" for i in range(system.size)]
-    dataset: xarray.Dataset = import_library("xarray").Dataset(
+    return import_library("xarray").Dataset(
         {
             "q": (("time", "coordinate"), samples.q),
             "u": (("time", "input"), samples.u),
@@ -315,7 +311,6 @@ def to_xarray(plan: Plan, rate_hz: float = RATE_HZ) -> xarray.Dataset:
         },
         attrs=plan_facts(plan),
     )
-    return dataset
 
 
 def import_library(name: str) -> Any:

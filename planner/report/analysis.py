@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from planner.check import Analysis
 from planner.problem.feasibility import End, why_too_short
 from planner.report.page.words import constants
+from planner.support.package import Table
 from planner.support.tables import Column, Rows, terminal_table
 from planner.support.tables import four_digits as number
 from planner.systems.triangular_system import TriangularSystem
 from planner.verification.summary import without_unit_keys
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 
 def findings(analysis: Analysis) -> Rows:

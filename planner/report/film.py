@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,8 @@ from planner.report.figures.style import Curve, Plans, heading
 from planner.report.figures.style import times as fine_times
 from planner.support.arrays import Array
 from planner.support.files import refuse_unwritable, write_bytes
-from planner.support.package import how_to_install
+from planner.support.package import Figure, how_to_install
 from planner.support.progress import expect_listener
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Progress = Callable[[int, int], None]
 """Function that is called with (frames done, total frames)."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -51,12 +51,9 @@ from planner.support.files import (
     write_json,
     write_text,
 )
-from planner.support.package import versions
+from planner.support.package import Figure, versions
 from planner.support.tables import csv_table, csv_text, markdown_table
 from planner.verification.verdict import load_plan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOTION_INSTANTS = 300
 """Number of instants at which replays.json has the motion of the machine with median E."""

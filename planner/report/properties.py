@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,10 @@ from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
 from planner.problem.tables.machine_effects import Worth
+from planner.support.package import Table
 from planner.support.tables import CommandLine, Rows, facts
 from planner.support.tables import four_digits as number
 from planner.verification.summary import plan_summary
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 
 def plan_table(plan: Plan) -> Table:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, effect_words
 from planner.robustness.sobol import Index, check, machine_indices, switch_indices, switched_errors
 from planner.support.arrays import Array, jsonable
-from planner.support.package import import_function, provenance
+from planner.support.package import Figure, Table, draw_figure, import_function, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.statistics import percentile_interval
 from planner.support.tables import (
@@ -35,11 +35,6 @@ from planner.support.tables import (
     number,
     terminal_table,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
-
 
 Interval = tuple[float, float]
 
@@ -139,8 +134,7 @@ class Budget:
 
     def plot(self) -> Figure:
         """Draw the costs and Sobol indices of all effects as bars."""
-        figure: Figure = import_function("planner.report.figures.robustness.plot_budget")(self)[0]
-        return figure
+        return draw_figure("robustness.plot_budget", self)
 
     def save(self, folder: str | Path) -> Path:
         """Write tables, data and figure to a folder, all or nothing.

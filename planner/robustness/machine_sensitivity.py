@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +21,9 @@ from planner.machine.simulate import simulate
 from planner.plan.plan import Plan, refuse_inexecutable
 from planner.problem.tables.machine_effects import EFFECTS, Effect, effect_words
 from planner.support.arrays import Array, Frozen
-from planner.support.package import import_function
+from planner.support.package import Figure, Table, draw_figure
 from planner.support.tables import Column, number, terminal_table
 from planner.systems.triangular_system import TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 RELATIVE_STEP = 0.05
 """Step of a parameter without spread, relative to its value."""
@@ -173,9 +169,7 @@ class MachineSensitivity(Frozen):
 
     def plot(self) -> Figure:
         """Draw the largest responses with `planner.report.plot_machine_sensitivity`."""
-        draw = import_function("planner.report.figures.robustness.plot_machine_sensitivity")
-        figure: Figure = draw(self)[0]
-        return figure
+        return draw_figure("robustness.plot_machine_sensitivity", self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the sensitivities as JSON-ready data."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +24,9 @@ from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
 from planner.robustness.sensitivity import MEANINGS, PAPER_SPREAD, Sensitivity, sensitivity
 from planner.support.arrays import Array, Frozen
-from planner.support.package import import_function
+from planner.support.package import Figure, Table, draw_figure, import_function
 from planner.support.tables import Column, CommandLine, number, terminal_table
 from planner.systems.triangular_system import TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 ALIKE = 0.02
 """Relative difference below which passive blocks count as equal: 0.01 degrees of a usual block of
@@ -152,9 +148,7 @@ class Sensitivities(Frozen):
 
     def plot(self) -> Figure:
         """Draw the total response of each plan and its response to each error."""
-        draw = import_function("planner.report.figures.robustness.plot_sensitivities")
-        figure: Figure = draw(self)[0]
-        return figure
+        return draw_figure("robustness.plot_sensitivities", self)
 
 
 def worth(before: float, after: float, price: float, cost: str = "effort") -> str:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -23,16 +23,12 @@ from planner.support.arrays import Array, Frozen
 from planner.support.calculus import runge_kutta
 from planner.support.calculus.extremes import sample_times
 from planner.support.compiled_calls import Pointwise
-from planner.support.package import import_function
+from planner.support.package import Figure, Table, draw_figure, import_function
 from planner.support.tables import Column, number, terminal_table
 from planner.systems.ball_gear import BallGear
 from planner.systems.linearisation import linearise, parameters
 from planner.systems.manipulator import Manipulator
 from planner.systems.triangular_system import TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5))}
 """Default spread for comparing plans: 1 % of input gains and 0.5° of every starting angle."""
@@ -183,9 +179,7 @@ class Sensitivity(Frozen):
 
     def plot(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Figure:
         """Draw the responses with `planner.report.plot_sensitivity`."""
-        draw = import_function("planner.report.figures.robustness.plot_sensitivity")
-        figure: Figure = draw(self, spread)[0]
-        return figure
+        return draw_figure("robustness.plot_sensitivity", self, spread)
 
     def save(self, folder: str | Path, spread: Mapping[str, float] = PAPER_SPREAD) -> Path:
         """Write data, matrix, plan and figures to a folder, all or nothing.

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -34,15 +34,9 @@ from planner.robustness.trade_off_points import (
     solved_point,
 )
 from planner.support.arrays import Array, jsonable
-from planner.support.package import import_function
+from planner.support.package import DataFrame, Figure, Table, draw_figure
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, four_digits, terminal_table
-
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure
-    from rich.table import Table
-
 
 NO_GAIN = 1e-4
 """Relative decrease of the response below which a point counts as no better than another."""
@@ -118,7 +112,7 @@ class TradeOff:
         """Return the points as a table for a terminal: `rich.print(curve.table())`."""
         return terminal_table(self.columns, self.points, ruled=True)
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> DataFrame:
         """Return one row per point; index `limit`, columns with units in their names.
 
         Figures of replays have a prefix: `machine_` on the problem's machine, `compensated_` with
@@ -142,9 +136,7 @@ class TradeOff:
 
     def plot(self) -> Figure:
         """Draw the response of each point against its cost."""
-        draw = import_function("planner.report.figures.robustness.plot_trade_off")
-        figure: Figure = draw(self)[0]
-        return figure
+        return draw_figure("robustness.plot_trade_off", self)
 
 
 def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:

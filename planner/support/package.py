@@ -1,6 +1,8 @@
 """The installed package: its name on the index, its version, and how to add an extra.
 
-`import_function` imports a function on use, for results that call code of packages above.
+What results return, and the code that draws and writes them, is imported on use: annotations
+name `Figure`, `Table`, `DataFrame` and `Dataset`; `import_function` and `draw_figure` find code of
+packages above.
 """
 
 from __future__ import annotations
@@ -15,6 +17,22 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Figure
+    from pandas import DataFrame as DataFrame
+    from rich.table import Table as Table
+    from xarray import Dataset as Dataset
+
+    __version__: str
+else:
+    Figure = Table = DataFrame = Dataset = Any  # slow to import, and named in annotations only
+
+    def __getattr__(name: str) -> str:
+        """Return `__version__`, looked up on access because that reads a file or imports slowly."""
+        if name == "__version__":
+            return version()
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 def import_function(function: str) -> Callable[..., Any]:
     """Import a function by its full name, where a normal import would be circular.
@@ -25,6 +43,14 @@ def import_function(function: str) -> Callable[..., Any]:
     module, _, name = function.rpartition(".")
     imported: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return imported
+
+
+def draw_figure(function: str, *results: Any) -> Figure:
+    """Draw results by a function of a module in `planner.report.figures` ("over_time.plot")."""
+    module, name = function.split(".")
+    draw = getattr(importlib.import_module(f"planner.report.figures.{module}"), name)
+    figure: Figure = draw(*results)[0]
+    return figure
 
 
 NAME = "nonholonomic-planner"
@@ -96,17 +122,6 @@ def _checkout() -> str | None:
         return str(project["version"]) if project["name"] == NAME else None
     except (OSError, ValueError, KeyError):
         return None
-
-
-if TYPE_CHECKING:
-    __version__: str
-else:
-
-    def __getattr__(name: str) -> str:
-        """Return `__version__`, looked up on access because that reads a file or imports slowly."""
-        if name == "__version__":
-            return version()
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 LIBRARIES = ("casadi", "numpy", "scipy", "osqp")

@@ -19,14 +19,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from planner.support.arrays import jsonable
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from planner.support.package import Table
 
 R = TypeVar("R")
 

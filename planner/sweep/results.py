@@ -8,7 +8,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +17,13 @@ from planner.errors import InputError
 from planner.plan.plan import Plan
 from planner.plan.samples import import_library
 from planner.support.files import refuse_unwritable, write_bytes, write_text
+from planner.support.package import DataFrame
 from planner.support.statistics import LEAST_DIFFERENCE_DEG
 from planner.support.tables import csv_text, number
 from planner.sweep.case import RESULTS
 from planner.sweep.store import Store
 from planner.sweep.sweep_file import canonical_json
 from planner.verification.verdict import load_plan
-
-if TYPE_CHECKING:
-    import pandas
 
 RESULT_COLUMNS = ("method", *(name for name in RESULTS if name != "plan"), "case", "finished_at")
 """Columns of a sweep's results, after one column per varied key; some names get a unit, too."""
@@ -35,7 +33,7 @@ SUFFIXES = (".csv", ".parquet")
 Record = dict[str, Any]
 
 
-def load_sweep(db: str | Path, which: int | None = None) -> pandas.DataFrame:
+def load_sweep(db: str | Path, which: int | None = None) -> DataFrame:
     """Return the finished cases of a sweep, one row per point and method, in the sweep's order.
 
     Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +27,10 @@ from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.tables.machine_effects import Worth
 from planner.support.arrays import Array, Frozen, frozen, jsonable
 from planner.support.files import toml, write_text
-from planner.support.package import import_function
+from planner.support.package import Figure, Table, draw_figure
 from planner.support.progress import expect_listener
 from planner.support.tables import Column, digits, terminal_table
 from planner.systems.manipulator import Manipulator
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.table import Table
 
 Progress = Callable[[str, float], None]
 """Function that is called with what is done now and the fraction done, 0 … 1."""
@@ -241,9 +237,7 @@ class Identification(Frozen):
 
     def plot(self) -> Figure:
         """Plot each run's residuals, those of the preset, and the uncertainty of each number."""
-        draw = import_function("planner.report.figures.recorded.identification_figure")
-        figure: Figure = draw(self)
-        return figure
+        return draw_figure("recorded.identification_figure", self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as JSON-ready data."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from planner.report.figures.style import (
     write_beside,
 )
 from planner.support.arrays import Array
+from planner.support.package import Figure
 from planner.systems.triangular_system import TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOUR_MAP = "viridis"
 

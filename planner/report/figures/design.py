@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,13 +19,11 @@ from planner.report.figures.style import (
     write_beside,
 )
 from planner.support.files import toml
+from planner.support.package import Figure
 from planner.support.tables import number
 from planner.sweep.design.figures import CONTACT_LOAD, DesignFigure, DesignRow
 from planner.sweep.design.result import DesignStudy
 from planner.sweep.results import Record, statuses_by_method
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOUR_MAP = "Blues"
 """Colour map; dark for large values."""

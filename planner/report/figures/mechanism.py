@@ -24,18 +24,16 @@ import textwrap
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from planner.errors import expect
 from planner.report.figures.style import COLOURS, LABEL_BOX, heading
 from planner.support.arrays import Array
+from planner.support.package import Figure
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
 from planner.systems.triangular_system import TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MOTOR_2_COLOUR, CHAIN_COLOUR, BRANCH_COLOUR = COLOURS[:3]
 CONTACT_COLOUR, LINK_COLOUR, INK_COLOUR, NOTE_COLOUR = "#B00020", "#9A9A9A", "#222222", "#666666"

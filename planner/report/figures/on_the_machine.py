@@ -5,7 +5,7 @@ of the error over many machines.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,10 +29,7 @@ from planner.report.figures.style import (
     time_label,
 )
 from planner.support.arrays import Array
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+from planner.support.package import Figure
 
 REPLAY_HINT = "planner.replay(plan) makes one; several are given by label"
 

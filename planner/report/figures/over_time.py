@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -39,10 +39,8 @@ from planner.report.figures.style import (
 )
 from planner.report.panels import PLAN_FIGURES, Panel, PlanCurves, PlanePanel, TimePanel
 from planner.support.arrays import Array
+from planner.support.package import Figure
 from planner.support.user_tables import allowed_hint
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 EXIT_STYLE = {"marker": "x", "color": "#B00020", "markersize": 8, "linestyle": "none"}
 DOT_STYLE = {"marker": "o", "color": "black", "markersize": 4, "linestyle": "none"}

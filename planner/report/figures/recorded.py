@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,7 @@ from planner.plan.plan import Plan, expect_plan
 from planner.plan.recorded.log import Log, expect_log
 from planner.report.figures.style import COLOURS, GRID_STYLE, grid, heading, legend, symbol
 from planner.support.arrays import Array
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from planner.support.package import Figure
 
 RECORDED_STYLE = {"color": COLOURS[0], "linewidth": 1.0}
 PLAN_STYLE = {"color": "black", "linewidth": 1.1, "linestyle": "--", "zorder": 3}
@@ -79,7 +77,7 @@ def _differences(ax: Any, t: Array, values: Array, style: dict[str, Any]) -> Non
     ax.plot(t, mean, **style)
 
 
-def identification_figure(result: Identification) -> Figure:
+def identification_figure(result: Identification) -> tuple[Figure, Any]:
     """Plot readings minus prediction of every run, and what the runs say about each parameter.
 
     Each run has one row, for the identified machine and, paler, for the preset; a run kept out of
@@ -120,4 +118,4 @@ def identification_figure(result: Identification) -> Figure:
     every[-1].set_xticks(places, [e.parameter.key for e in estimates], fontsize=8)
     every[-1].set_ylabel("from the preset\n(deviations of the prior)", fontsize=8)
     every[-1].grid(**GRID_STYLE)
-    return figure
+    return figure, every

@@ -7,7 +7,7 @@ budgets, and trade-off curves between response and cost.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -32,10 +32,8 @@ from planner.robustness.sensitivity import PAPER_SPREAD, Sensitivity, size_of
 from planner.robustness.sobol import Index
 from planner.robustness.trade_off import TradeOff
 from planner.support.arrays import Array
+from planner.support.package import Figure
 from planner.support.tables import number
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLOUR_MAP = "Blues"
 """Colour map; light for no response, dark for the largest."""

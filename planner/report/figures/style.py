@@ -10,7 +10,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,11 +20,9 @@ from planner.plan.recorded.log import RECORDED
 from planner.plan.spec import Spec
 from planner.support.arrays import Array
 from planner.support.calculus.extremes import sample_times
+from planner.support.package import Figure
 from planner.support.tables import clean_text
 from planner.systems.triangular_system import Coordinate, TriangularSystem
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PALETTE = (
     ("#0072B2", "#0072b2", "#5aaae6"),

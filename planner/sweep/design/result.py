@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from html import escape
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from planner.plan.samples import import_library
 from planner.problem.feasibility import travel_window
 from planner.support.arrays import Frozen, jsonable
 from planner.support.files import make_folder, write_figure, write_json, write_text
-from planner.support.package import import_function, provenance, versions
+from planner.support.package import DataFrame, Figure, Table, draw_figure, provenance, versions
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import (
     Column,
@@ -39,11 +39,6 @@ from planner.sweep.design.figures import DesignFigure, DesignRow, outcome, recom
 from planner.sweep.design.geometry import gear_table
 from planner.sweep.results import read
 from planner.sweep.run import expect_workers, run_sweep
-
-if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure as Picture
-    from rich.table import Table
 
 FORMAT, VERSION = "planner-design", 1
 
@@ -131,7 +126,7 @@ class DesignStudy(Frozen):
         }
         return dict(jsonable(data))
 
-    def to_frame(self) -> pandas.DataFrame:
+    def to_frame(self) -> DataFrame:
         """Return one row per design: variables, geometry, figures, `on_front`, `refused`.
 
         The index is the name of the design. Shares are from 0 to 1.
@@ -199,10 +194,9 @@ class DesignStudy(Frozen):
             " them for the compensated plans."
         )
 
-    def plot(self) -> Picture:
+    def plot(self) -> Figure:
         """Draw the study with `planner.report.plot_design`."""
-        draw = import_function("planner.report.figures.design.plot_design")
-        return cast("Picture", draw(self)[0])
+        return draw_figure("design.plot_design", self)
 
     def save(self, folder: str | Path) -> Path:
         """Write design.md, design.csv, design.json and design.png to a folder.

@@ -179,6 +179,8 @@ EXCLUDED_KEYS = frozenset({"phi_rad", "travel", "duration"})
 the first disk's initial angle, does not change the motion."""
 
 
+OBSTACLES_KEY = "obstacles"
+
 WHOLE_KEYS = (JOINTS_KEY, "goal.turns")
 """Keys whose values are whole numbers."""
 
@@ -194,6 +196,8 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
             key = f"{table}.{name}"
             if name in EXCLUDED_KEYS or key == travel_key:
                 continue
+            if key == "system.link_lengths" and base is None:
+                base = [1.0] * state.value(JOINTS_KEY)
             inner = base if isinstance(base, Mapping) else {"": base}
             for ending, usual in inner.items():
                 if ending and isinstance(usual, list):
@@ -201,7 +205,24 @@ def task_controls(state: State, travel_key: str) -> list[Control]:
                 whole_key = f"{key}.{ending}".rstrip(".")
                 now, usual = state.value(whole_key, usual), first.value(whole_key, usual)
                 controls += _sliders(group, whole_key, now, usual, about[name])
-    return controls
+    return controls + list(_obstacle_sliders(state))
+
+
+def _obstacle_sliders(state: State) -> Iterator[Control]:
+    """Yield sliders for the centre and radius of each obstacle, up to the arm's reach."""
+    whole, reach = (
+        state.value(OBSTACLES_KEY, []),
+        sum(getattr(state.base.system, "link_lengths", ())),
+    )
+    for k, disc in enumerate(whole):
+        places: list[tuple[str, tuple[int | str, ...], float, float]] = [
+            ("x", (k, "centre_m", 0), disc["centre_m"][0], -reach),
+            ("y", (k, "centre_m", 1), disc["centre_m"][1], -reach),
+            ("radius", (k, "radius_m"), disc["radius_m"], reach / 100),
+        ]
+        for name, part, value, low in places:
+            place = (OBSTACLES_KEY, whole, part, value, low, max(reach, value))
+            yield Control("Obstacles", f"{name} {k + 1}", "slider", *place, unit="m")
 
 
 def _sliders(group: str, key: str, now: Any, usual: Any, help_text: str) -> Iterator[Control]:

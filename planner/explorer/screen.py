@@ -7,15 +7,16 @@ A `Screen` holds the settings and the plan for them. `change` applies new settin
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from planner.errors import InputError
-from planner.explorer.control import Control, task_controls
+from planner.explorer.control import OBSTACLES_KEY, Control, task_controls
 from planner.explorer.controls import (
     POINTS_KEY,
     limit_controls,
@@ -117,8 +118,12 @@ class Screen:
 
     def picture(self) -> dict[str, Any]:
         """Return all panels, controls and texts that the browser shows for the current outcome."""
+        shown = picture(self.outcome)
+        for panel in shown["panels"]:
+            handles = panel.get("handles", ())
+            panel["handles"] = [h for h in handles if set(h["names"] or ()) <= self.controls.keys()]
         return {
-            **picture(self.outcome),
+            **shown,
             "controls": self.shown_controls(),
             "system": self._system(),
             **self.words(),
@@ -221,9 +226,9 @@ TITLES = {"z2": "z₂ and its domain", "z": "the other chained coordinates"}
 def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     """Return the data of the plan and of all panels that need no replay, in their order.
 
-    `planner.report.panels` describes the data. The panel of z2 also has `handles`, one per
-    constraint point: the position `at` [t, z2] and, if the point can be dragged, the `names` of the
-    controls that dragging sets.
+    `planner.report.panels` describes the data. The panels of z2 and of the plane also have
+    `handles`: the position `at` of each and, if it can be dragged, the `names` of the controls that
+    dragging sets. With a `pivot` the control is an angle around it, from direction `zero` (deg).
     """
     plan = outcome.plan
     if plan is None:
@@ -237,6 +242,8 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
         panels.append(_plane(one))
     data = {panel.id: screen_data(panel) for panel in panels}
     data["z2"]["handles"] = _handles(plan)
+    if can_draw(system):
+        data["plane"]["handles"] = list(_plane_handles(plan))
     curve = {
         "label": plan.method,
         "refused": outcome.error is not None,
@@ -290,6 +297,23 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
         {"at": list(at), "names": [f"{POINTS_KEY}:{k}:{i}" for i in (0, 1)] if can_drag else None}
         for k, at in enumerate(points)
     ]
+
+
+def _plane_handles(plan: Plan) -> Iterator[dict[str, Any]]:
+    """Yield handles of start, goal and obstacles, for all controls that there may be."""
+    for k, disc in enumerate(plan.problem.obstacles):
+        names = [f"{OBSTACLES_KEY}:{k}:centre_m:{i}" for i in (0, 1)]
+        yield {"at": disc.centre.tolist(), "names": names}
+    for table, t in (("start", 0.0), ("goal", plan.duration)):
+        points = body_points(plan.problem, plan.q(t)).tolist()
+        for names in ([f"{table}.tip_m:{i}" for i in (0, 1)], [f"{table}.x_m", f"{table}.y_m"]):
+            yield {"at": points[-1], "names": names}
+        if not hasattr(plan.problem.system, "arm_points"):
+            continue
+        before = np.rad2deg(np.cumsum([0.0, *plan.q(t)[1:]]))
+        for k, (pivot, at) in enumerate(pairwise(points)):
+            names = [f"{table}.theta_deg:{k}"]
+            yield {"at": at, "names": names, "pivot": pivot, "zero": float(before[k])}
 
 
 def _plane(one: PlanCurves) -> PlanePanel:

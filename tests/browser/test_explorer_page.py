@@ -126,8 +126,9 @@ def number(page: Any, control: str) -> Any:
     return page.locator(f"[data-number='{control}']")
 
 
-def drag_first_point(page: Any, right: int, down: int) -> None:
-    handle = page.locator("[data-panel=z2] .handle")
+def drag(page: Any, panel: str, place: int, right: int, down: int) -> None:
+    """Drag a handle of a figure."""
+    handle = page.locator(f"[data-panel={panel}] .handle").nth(place)
     handle.scroll_into_view_if_needed()
     box = handle.bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -179,7 +180,7 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     settled(page)
     assert page.locator(".px").get_attribute("data-kind") == "verification failed"
     still = drawn(page, "z2")
-    drag_first_point(page, 12, 10)
+    drag(page, "z2", 0, 12, 10)
     settled(page)
     assert drawn(page, "z2") != still
     points = re.search(r"'method.polynomial.points': \[\[([\d.]+), (-[\d.]+)\]\]", code(page))
@@ -281,6 +282,21 @@ def test_numbers_are_typed_beside_every_slider(show: Any) -> None:
     field.fill("")
     field.press("Tab")
     assert field.input_value() == "45", "what is no number is taken back"
+
+
+def test_the_arm_takes_start_and_goal_by_dragging(show: Any) -> None:
+    page = show("try")
+    before = drawn(page, "plane")
+    drag(page, "plane", 3, 0, -25)  # the first elbow of the goal, up
+    settled(page)
+    assert drawn(page, "plane") != before
+    goal = float(number(page, "goal.theta_deg:0").input_value())
+    assert goal > 30
+    assert goal % 0.5 == 0, "round, as the slider's steps are"
+    assert number(page, "goal.theta_deg:1").input_value() == "30"
+    drag(page, "plane", 2, 0, -10)  # the tip of the start
+    settled(page)
+    assert float(number(page, "start.theta_deg:2").input_value()) > 1
 
 
 def test_code_and_file_open_below_their_buttons_and_are_copied(show: Any) -> None:

@@ -119,6 +119,36 @@ def test_obstacles_are_drawn() -> None:
     assert panel(shown, "plane")["discs"] == [[2.2, 1.75, 0.3]]
 
 
+def test_obstacles_and_links_have_sliders() -> None:
+    shown = screen("obstacle", samples=0, **{"goal.travel": 0.82})
+    shown.change([("obstacles:0:centre_m:0", 2.5), ("obstacles:0:centre_m:1", -1.0)])
+    shown.change([("obstacles:0:radius_m", 0.2), ("system.link_lengths:2", 1.3)])
+    problem = shown.outcome.problem
+    assert problem is not None
+    assert [[*disc.centre, disc.radius] for disc in problem.obstacles] == [[2.5, -1.0, 0.2]]
+    np.testing.assert_allclose(problem.system.link_lengths, [1, 1, 1.3])  # type: ignore[attr-defined]
+    plain = screen("paper", samples=0)  # its file has no lengths, which are 1 then
+    plain.change([("system.link_lengths:1", 0.5)])
+    np.testing.assert_allclose(plain.outcome.problem.system.link_lengths, [1, 0.5, 1])  # type: ignore[union-attr]
+    assert "obstacles:0:radius_m" not in plain.controls
+
+
+def test_start_goal_and_obstacles_have_handles_in_the_plane() -> None:
+    shown = screen("obstacle", "collocation", samples=0)
+    handles = {tuple(h["names"]): h for h in panel(shown, "plane")["handles"]}
+    assert handles["obstacles:0:centre_m:0", "obstacles:0:centre_m:1"]["at"] == [2.2, 1.75]
+    elbow = handles[("goal.theta_deg:1",)]
+    step = np.subtract(elbow["at"], elbow["pivot"])
+    assert np.rad2deg(np.arctan2(*step[::-1])) - elbow["zero"] == pytest.approx(30, abs=1e-6)
+    assert len(handles) == 7
+
+    tip = [h["names"] for h in panel(screen("tip", "collocation", samples=0), "plane")["handles"]]
+    assert ["goal.tip_m:0", "goal.tip_m:1"] in tip
+    assert ["goal.theta_deg:0"] not in tip, "free"
+    car = [h["names"] for h in panel(screen("car", samples=0), "plane")["handles"]]
+    assert car == [["start.x_m", "start.y_m"], ["goal.x_m", "goal.y_m"]]
+
+
 def test_an_impossible_setting_is_said_and_can_be_taken_back() -> None:
     shown = screen("paper")
     shown.change([("limits.joint_deg", 10.0)])

@@ -120,7 +120,14 @@ def test_panels_have_one_shape() -> None:
     assert {p["id"] for p in flat} >= {"map", "plane"}
     allowed = {"id", "kind", "title", "unit", "series", "names", "ends", "view", "key"}
     for panel in flat:
-        assert panel.keys() <= allowed | {"region", "limits", "poses", "discs", "tips", "note"}
+        assert panel.keys() - {"handles"} <= allowed | {
+            "region",
+            "limits",
+            "poses",
+            "discs",
+            "tips",
+            "note",
+        }
         assert all(series.keys() == {"plan", "x", "y"} for series in panel["series"])
 
 

@@ -19,6 +19,11 @@ function fromSlider(c, raw) {
   return Math.min(c.high, Math.max(c.low, plus(Math.round((c.low + share * (c.high - c.low)) / step) * step, 0)));
 }
 
+/** A value rounded as the slider of a control rounds it, between its ends. */
+function roundLike(c, value) {
+  return fromSlider(c, toSlider(c, value));
+}
+
 /** The round number by which an arrow key moves a slider. */
 function stepOf(c) {
   return c.integer ? 1 : roundStep(c.log ? c.low / 10 : (c.high - c.low) / 400);
@@ -129,7 +134,7 @@ function makeSwitch(c, changed) {
 // Shows all controls under their headings; rebuilds them only when the set of controls changes.
 function makeControls(place, changed) {
   let shape = "";
-  const open = { System: true, Start: true, Goal: true, Method: true, Limits: true };
+  const open = { System: true, Start: true, Goal: true, Obstacles: true, Method: true, Limits: true };
   let made = new Map();
   const makers = { slider: makeSlider, choice: makeChoice, switch: makeSwitch };
   return (controls, held) => {

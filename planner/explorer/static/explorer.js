@@ -3,31 +3,54 @@
 // Only one request is pending at a time. Meanwhile, further settings are collected; the next request
 // sends the newest value of each, so that a dragged slider never queues up work.
 
-/** A figure over time whose handles can be dragged; calls `page.drag` with the new position. */
-class DragChart extends TimeChart {
-  listen() {
-    super.listen();
-    const { svg } = this;
-    this.held = null;
-    svg.addEventListener("pointerdown", (event) => {
-      const box = svg.getBoundingClientRect();
-      const [px, py] = [event.clientX - box.left, event.clientY - box.top];
-      const far = (handle) => Math.hypot(this.x(handle.at[0]) - px, this.y(handle.at[1]) - py);
-      const under = (this.panel.handles ?? []).find((handle) => handle.names && far(handle) < 14);
-      if (!under) return;
-      this.held = { names: under.names, box, x: this.x, y: this.y }; // the axes may change meanwhile
-      svg.setPointerCapture(event.pointerId);
-      event.preventDefault();
-    });
-    for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => (this.held = null));
+/** A figure whose handles can be dragged; calls `page.drag` with new values of the handle's controls. */
+const draggable = (Base) =>
+  class extends Base {
+    listen() {
+      super.listen();
+      const { svg } = this;
+      this.held = null;
+      svg.addEventListener("pointerdown", (event) => {
+        const box = svg.getBoundingClientRect();
+        const [px, py] = [event.clientX - box.left, event.clientY - box.top];
+        const far = ({ at }) => Math.hypot(this.x(at[0]) - px, this.y(at[1]) - py);
+        const near = (this.panel.handles ?? []).filter((handle) => handle.names && far(handle) < 14);
+        if (!near.length) return;
+        near.sort((a, b) => far(a) - far(b));
+        this.held = { handle: near[0], box, x: this.x, y: this.y }; // the axes may change meanwhile
+        svg.setPointerCapture(event.pointerId);
+        event.preventDefault();
+      });
+      for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => (this.held = null));
+    }
+
+    point(event) {
+      if (!this.held) return super.point(event);
+      const { handle, box, x, y } = this.held;
+      const at = [x.invert(event.clientX - box.left), y.invert(event.clientY - box.top)];
+      this.page.drag(handle.names, this.values(handle, at));
+    }
+  };
+
+class DragTime extends draggable(TimeChart) {
+  values(_, [t, value]) {
+    const { x } = this.held;
+    const edge = 0.01 * (x.high - x.low);
+    return [Math.min(Math.max(t, x.low + edge), x.high - edge), value];
+  }
+}
+
+class DragPlane extends draggable(PlaneChart) {
+  draw() {
+    super.draw();
+    for (const { at: [x, y] } of this.panel.handles ?? [])
+      make("circle", { class: "handle grip", cx: this.x(x), cy: this.y(y), r: 4.5 }, this.over);
   }
 
-  point(event) {
-    if (!this.held) return super.point(event);
-    const { names, box, x, y } = this.held;
-    const edge = 0.01 * (x.high - x.low);
-    const t = Math.min(Math.max(x.invert(event.clientX - box.left), x.low + edge), x.high - edge);
-    this.page.drag(names, [t, y.invert(event.clientY - box.top)]);
+  values({ pivot, zero }, [x, y]) {
+    if (!pivot) return [x, y];
+    const turned = (Math.atan2(y - pivot[1], x - pivot[0]) * 180) / Math.PI - zero;
+    return [turned - 360 * Math.round(turned / 360)];
   }
 }
 
@@ -65,10 +88,11 @@ function render({ model, el }) {
     ghost: true,
     say: (text) => (live.textContent = text),
     setTime: () => {},
-    drag: (names, values) => names.forEach((name, k) => set(name, Number(values[k].toPrecision(6)))),
+    drag: (names, values) => names.forEach((name, k) => set(name, roundLike(settings.get(name), values[k]))),
     follow: (chart, t) => charts.forEach((other) => other !== chart && other.setCursor(t)),
   };
   let panels = [];
+  let settings = new Map(); // the controls by name
   let stale = false;
   let system = "", drawn = null; // constants of the current arm, and of the drawn mechanism
   let waiting = new Map(), busy = null, resting = 0, ticking = 0;
@@ -179,7 +203,11 @@ function render({ model, el }) {
   function answered(reply) {
     if (!busy || reply.number !== busy.number) return;
     if (reply.heard) return (busy.heard = true);
-    if (reply.more) return fill(reply.controls, new Set(waiting.keys()));
+    if (reply.controls) {
+      settings = new Map(reply.controls.map((c) => [c.name, c]));
+      fill(reply.controls, new Set(waiting.keys()));
+    }
+    if (reply.more) return;
     const done = busy;
     busy = null;
     clearInterval(ticking);
@@ -192,7 +220,6 @@ function render({ model, el }) {
       const kept = reply.error === undefined ? panels.filter((p) => p.id === "error") : [];
       if (reply.panels.length) [page.plans, panels] = [reply.plans, [...reply.panels, ...kept]];
       root.classList.toggle("px-stale", !reply.panels.length);
-      fill(reply.controls, new Set(waiting.keys()));
       charts.get("error")?.host.classList.toggle("px-past", reply.todo?.includes("errors") ?? false);
     }
     if (reply.error !== undefined) {
@@ -267,7 +294,7 @@ function render({ model, el }) {
     const host = make("div", { class: "panel" });
     host.dataset.panel = panel.id;
     watch.observe(host);
-    return new { time: DragChart, plane: PlaneChart }[panel.kind](host, panel, page);
+    return new { time: DragTime, plane: DragPlane }[panel.kind](host, panel, page);
   }
 
   function buttons() {

@@ -29,12 +29,14 @@ WholePair = Annotated[list[int], Field(min_length=2, max_length=2)]
 class Range(Table):
     """Evenly spaced values of a key."""
 
-    low: float = Field(alias="from", description="First value.")
-    high: float = Field(alias="to", description="Last value.")
-    count: Annotated[int, Field(ge=2, le=MAX_POINTS)] = Field(description="How many.")
-    spacing: Literal["linear", "log"] = Field(
-        "linear", description="Equal differences, or equal ratios."
-    )
+    low: float = Field(alias="from")
+    """First value."""
+    high: float = Field(alias="to")
+    """Last value."""
+    count: Annotated[int, Field(ge=2, le=MAX_POINTS)]
+    """How many."""
+    spacing: Literal["linear", "log"] = "linear"
+    """Equal differences, or equal ratios."""
 
     @model_validator(mode="after")
     def _check_spacing(self) -> Range:
@@ -50,15 +52,16 @@ class Distribution(Table):
 
     model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
-    uniform: Pair | None = Field(None, description="[low, high].")
-    log_uniform: Pair | None = Field(
-        None, description="[low, high], both positive; uniform in the logarithm."
-    )
-    normal: Pair | None = Field(None, description="[mean, standard deviation].")
-    integer: WholePair | None = Field(None, description="[low, high], both included.")
-    choice: Annotated[list[Any], Field(min_length=1)] | None = Field(
-        None, description="Any of these values, equally likely."
-    )
+    uniform: Pair | None = None
+    """[low, high]."""
+    log_uniform: Pair | None = None
+    """[low, high], both positive; uniform in the logarithm."""
+    normal: Pair | None = None
+    """[mean, standard deviation]."""
+    integer: WholePair | None = None
+    """[low, high], both included."""
+    choice: Annotated[list[Any], Field(min_length=1)] | None = None
+    """Any of these values, equally likely."""
 
     @model_validator(mode="before")
     @classmethod
@@ -95,11 +98,12 @@ class SampleTable(Table):
     )
     __pydantic_extra__: dict[str, Distribution] = Field(init=False)
 
-    count: Annotated[int, Field(ge=1, le=MAX_POINTS)] = Field(description="Number of points.")
-    seed: Whole = Field(0, description="Seed of the draws.")
-    method: Literal["sobol", "random"] = Field(
-        "sobol", description="Scrambled Sobol sequence, or independent draws."
-    )
+    count: Annotated[int, Field(ge=1, le=MAX_POINTS)]
+    """Number of points."""
+    seed: Whole = 0
+    """Seed of the draws."""
+    method: Literal["sobol", "random"] = "sobol"
+    """Scrambled Sobol sequence, or independent draws."""
 
     _own_keys: ClassVar[tuple[str, ...]] = ("count", "seed", "method")
 
@@ -125,10 +129,10 @@ class SampleTable(Table):
 class ReplayTable(Table):
     """Settings of the replays of every plan on the emulated machine."""
 
-    samples: Whole = Field(
-        0, le=1_000_000, description="Number of machines for each plan; 0: none."
-    )
-    seed: Whole = Field(0, description="Seed of the machines, the same for every case.")
+    samples: Whole = Field(0, le=1_000_000)
+    """Number of machines for each plan; 0: none."""
+    seed: Whole = 0
+    """Seed of the machines, the same for every case."""
 
 
 class SweepFile(Table):
@@ -138,25 +142,23 @@ class SweepFile(Table):
     `sample`; every method plans every point.
     """
 
-    title: str = Field("", description="One line that says what the sweep shows.")
-    problem: str | dict[str, Any] = Field(
-        description="Base problem: a problem file, relative to the sweep file, or its tables."
-    )
-    methods: Annotated[list[str], Field(min_length=1)] = Field(
-        description="Methods, with options if needed, as in 'polynomial:travel=middle'."
-    )
-    changes: dict[str, Any] = Field(
-        default_factory=dict, alias="set", description="Dotted keys to change in every case."
-    )
-    cases: list[dict[str, Any]] = Field(
-        default_factory=list, description="Rows of dotted keys and values that go together."
-    )
-    grid: dict[str, Annotated[list[Any], Field(min_length=1)] | Range] = Field(
-        default_factory=dict, description="Dotted keys, each with a list of values or a range."
-    )
-    sample: SampleTable | None = Field(None, description="A sample of dotted keys.")
+    title: str = ""
+    """One line that says what the sweep shows."""
+    problem: str | dict[str, Any]
+    """Base problem: a problem file, relative to the sweep file, or its tables."""
+    methods: Annotated[list[str], Field(min_length=1)]
+    """Methods, with options if needed, as in 'polynomial:travel=middle'."""
+    changes: dict[str, Any] = Field(default_factory=dict, alias="set")
+    """Dotted keys to change in every case."""
+    cases: list[dict[str, Any]] = Field(default_factory=list)
+    """Rows of dotted keys and values that go together."""
+    grid: dict[str, Annotated[list[Any], Field(min_length=1)] | Range] = Field(default_factory=dict)
+    """Dotted keys, each with a list of values or a range."""
+    sample: SampleTable | None = None
+    """A sample of dotted keys."""
     replay: ReplayTable = Field(default_factory=ReplayTable)
-    plans: bool = Field(False, description="Keep every plan in the database.")
+    plans: bool = False
+    """Keep every plan in the database."""
 
     @model_validator(mode="before")
     @classmethod

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,12 @@ import pytest
 import planner
 from planner import InputError
 from planner.problem.tables import vehicles
+from planner.problem.tables.arms import JointGoal
 from planner.problem.tables.kinds import FILES, json_schema
+from planner.problem.tables.machine_effects import MachineTable
+from planner.problem.tables.method_options import MethodsTable
+from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ObstacleTable
+from planner.support.user_tables import Table
 
 ROOT = Path(__file__).parents[2]
 VEHICLES = tuple(vehicles.FILES)
@@ -124,3 +130,20 @@ def test_none_removes_any_key() -> None:
     assert "joint_deg" not in bare.to_dict()["limits"]
     with pytest.raises(planner.InputError, match=r"missing key 'start'"):
         bare.changed({"start": None})
+
+
+def test_every_key_that_users_set_is_described_by_the_text_below_it() -> None:
+    tables = [CompensationTable, FeedbackTable, MachineTable, ObstacleTable]
+    tables += [JointGoal, vehicles.PoseGoal]
+    tables += [field.annotation for field in MethodsTable.model_fields.values()]
+    for table in tables:
+        for name, field in table.model_fields.items():
+            assert field.description, f"{table.__name__}.{name}"
+            assert "\n" not in field.description
+    assert JointGoal.model_fields["duration"].description == "Duration in seconds, or 'free'."
+
+
+def test_a_table_without_a_source_has_no_texts() -> None:
+    typed: dict[str, Any] = {"Table": Table, "__name__": "typed"}
+    exec("class Typed(Table):\n    a: int = 1\n    'a text'\n", typed)
+    assert typed["Typed"].model_fields["a"].description is None

@@ -40,39 +40,27 @@ class ArmLimits(BaseLimits):
     inputs = "input_rad_s", "input_rad_s"
     rates = "input_rate_rad_s2", "input_rate_rad_s2"
 
-    input_rad_s: PerInput = Field(
-        None, description="Largest |u1|, |u2| in rad/s: one number for both, or two."
-    )
-    input_rate_rad_s2: PerInput = Field(
-        None,
-        description="Largest |du/dt|, one number or two: with it, inputs are continuous, and zero"
-        " at both ends unless the method's rest is false. Closed-form plans may begin with speed.",
-        examples=[[5.0, 5.0]],
-    )
-    joint_deg: _JointLimit | list[_JointLimit] | None = Field(
-        None, description="Largest |theta| in degrees, below 90: one number, or one per joint."
-    )
+    input_rad_s: PerInput = None
+    """Largest |u1|, |u2| in rad/s: one number for both, or two."""
+    input_rate_rad_s2: PerInput = Field(None, examples=[[5.0, 5.0]])
+    """Largest |du/dt|, one number or two: with it, inputs are continuous, and zero at both ends
+    unless the method's rest is false. Closed-form plans may begin with speed."""
+    joint_deg: _JointLimit | list[_JointLimit] | None = None
+    """Largest |theta| in degrees, below 90: one number, or one per joint."""
 
-    self_clearance_m: Positive | None = Field(
-        None,
-        description="Least distance in metres (in the unit of system.link_lengths, 1 each) between"
-        " links that are not neighbours: at least their width. If left out, links may cross.",
-        examples=[0.03],
-    )
+    self_clearance_m: Positive | None = Field(None, examples=[0.03])
+    """Least distance in metres (in the unit of system.link_lengths, 1 each) between links that are
+    not neighbours: at least their width. If left out, links may cross."""
 
 
 class LimitsTable(ArmLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
-    z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None,
-        description="Least |z2|; z2, the second chained coordinate, keeps the sign it has at the"
-        " start. With three joints z2 is negative where theta2 is positive. Start and goal must"
-        " have the same sign of z2. Methods in chained coordinates never cross z2 = 0. With four or"
-        " more joints z2 may change its sign on the way to any goal: set z2_margin only where you"
-        " need it.",
-        examples=[0.01],
-    )
+    z2_margin: Annotated[float, Field(ge=0)] | None = Field(None, examples=[0.01])
+    """Least |z2|; z2, the second chained coordinate, keeps the sign it has at the start. With three
+    joints z2 is negative where theta2 is positive. Start and goal must have the same sign of z2.
+    Methods in chained coordinates never cross z2 = 0. With four or more joints z2 may change its
+    sign on the way to any goal: set z2_margin only where you need it."""
 
 
 MAX_TRAVEL_RAD = 8 * np.pi
@@ -91,31 +79,26 @@ Joints = Annotated[int, Field(ge=2, le=MOST_JOINTS)]
 class JointStart(Table):
     """Where the arm starts."""
 
-    theta_deg: list[AngleDeg] = Field(description="Joint angles in degrees, each within (-90, 90).")
-    phi_rad: float = Field(0.0, description="Disk angle in radians.")
+    theta_deg: list[AngleDeg]
+    """Joint angles in degrees, each within (-90, 90)."""
+    phi_rad: float = 0.0
+    """Disk angle in radians."""
 
 
 class JointGoal(GoalTable):
     """Where the arm ends: its joints, its tip, or some of both."""
 
-    theta_deg: list[AngleDeg | Free] | None = Field(
-        None,
-        description="Joint angles in degrees, each within (-90, 90), or 'free' where the planner"
-        " chooses. By default all are free, for a goal of the tip.",
-    )
-    tip_m: Pair | None = Field(
-        None,
-        description="Goal of the tip, [x, y] in metres from the base; needs system.link_lengths"
-        " and at least two free joints.",
-    )
-    tip_angle_deg: float | None = Field(
-        None,
-        description="Direction of the last link at the end in degrees: the sum of all joints'"
-        " angles. Needs one more free joint.",
-    )
-    travel: Free | float = Field(
-        "free", description="Change of the disk angle in radians, or 'free'."
-    )
+    theta_deg: list[AngleDeg | Free] | None = None
+    """Joint angles in degrees, each within (-90, 90), or 'free' where the planner chooses. By
+    default all are free, for a goal of the tip."""
+    tip_m: Pair | None = None
+    """Goal of the tip, [x, y] in metres from the base; needs system.link_lengths and at least two
+    free joints."""
+    tip_angle_deg: float | None = None
+    """Direction of the last link at the end in degrees: the sum of all joints' angles. Needs one
+    more free joint."""
+    travel: Free | float = "free"
+    """Change of the disk angle in radians, or 'free'."""
 
     @model_validator(mode="after")
     def _check_completeness(self) -> JointGoal:
@@ -165,16 +148,10 @@ class ArmFile(ProblemFile):
     start: JointStart
     goal: JointGoal
     limits: ArmLimits = Field(default_factory=ArmLimits)
-    waypoints: list[JointWaypoint] = Field(
-        default_factory=list,
-        max_length=MOST_WAYPOINTS,
-        description="Places the motion must pass through.",
-    )
-    obstacles: list[ObstacleTable] = Field(
-        default_factory=list,
-        max_length=MOST_OBSTACLES,
-        description="Discs in the plane that the links must not touch.",
-    )
+    waypoints: list[JointWaypoint] = Field(default_factory=list, max_length=MOST_WAYPOINTS)
+    """Places the motion must pass through."""
+    obstacles: list[ObstacleTable] = Field(default_factory=list, max_length=MOST_OBSTACLES)
+    """Discs in the plane that the links must not touch."""
 
     @model_validator(mode="after")
     def _lengths(self) -> ArmFile:
@@ -285,10 +262,10 @@ class BallGearTable(Table):
     kind: Literal["ball-gear"]
     joints: Joints = Field(description=f"Number of joints n, at most {MOST_JOINTS}.")
     K: list[Ratio] = Field(description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}.")
-    k_g: Positive = Field(
-        1.0, description="Turns of the last ball per turn of motor 1; u1 is the speed of the motor."
-    )
-    link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
+    k_g: Positive = 1.0
+    """Turns of the last ball per turn of motor 1; u1 is the speed of the motor."""
+    link_lengths: list[Positive] | None = None
+    """Link lengths for drawing."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> BallGearTable:
@@ -311,21 +288,17 @@ class BallGearFile(ArmFile):
 class GearTable(Table):
     """Gear geometry; lengths share one unit. A list has a number for each stage, 1 ... n-1."""
 
-    r1: Positive | list[Positive] = Field(description="Radius of wheel B.")
-    R: Positive | list[Positive] = Field(
-        description="Distance from the axle of disk A to its contacts P1 and P2."
-    )
-    r3: Positive | list[Positive] = Field(
-        description="Distance from the axle of disk A' to its contact P3."
-    )
-    lam: Positive | list[Positive] = Field(
-        alias="lambda",
-        description="Bevel and spur gears: speed of disk A over that of the next wheel B.",
-    )
-    eta: Positive | list[Positive] = Field(
-        description="Belt: speed of disk A' over that of the joint; the diameter of the joint's"
-        " pulley over that of the pulley of A'."
-    )
+    r1: Positive | list[Positive]
+    """Radius of wheel B."""
+    R: Positive | list[Positive]
+    """Distance from the axle of disk A to its contacts P1 and P2."""
+    r3: Positive | list[Positive]
+    """Distance from the axle of disk A' to its contact P3."""
+    lam: Positive | list[Positive] = Field(alias="lambda")
+    """Bevel and spur gears: speed of disk A over that of the next wheel B."""
+    eta: Positive | list[Positive]
+    """Belt: speed of disk A' over that of the joint; the diameter of the joint's pulley over that
+    of the pulley of A'."""
 
     def stages(self, count: int) -> list[Gear]:
         """Return the gears of the stages 1 ... count; a single number applies to all.
@@ -353,18 +326,16 @@ class ManipulatorTable(Table):
     K: list[Ratio] | None = Field(
         None, description=f"K2 ... Kn, n-1 numbers, at most {MOST_RATIO:g}."
     )
-    gear: GearTable | None = Field(None, description="Gear geometry, instead of K.")
-    k_g: Positive | None = Field(
-        None,
-        description="Turns of the last disk per turn of motor 1; needed with K; with gear it"
-        " follows from k_g_rule.",
-    )
-    k_g_rule: Literal["chain", "printed"] = Field(
-        "chain",
-        description="k_g with gear: rho^(n-2), from the chain of disks (with stages that differ"
-        " rho_1 ... rho_(n-2)); or rho^2 as printed in the paper, a misprint.",
-    )
-    link_lengths: list[Positive] | None = Field(None, description="Link lengths for drawing.")
+    gear: GearTable | None = None
+    """Gear geometry, instead of K."""
+    k_g: Positive | None = None
+    """Turns of the last disk per turn of motor 1; needed with K; with gear it follows from
+    k_g_rule."""
+    k_g_rule: Literal["chain", "printed"] = "chain"
+    """k_g with gear: rho^(n-2), from the chain of disks (with stages that differ rho_1 ...
+    rho_(n-2)); or rho^2 as printed in the paper, a misprint."""
+    link_lengths: list[Positive] | None = None
+    """Link lengths for drawing."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> ManipulatorTable:

@@ -40,17 +40,14 @@ Names = Annotated[list[str], Field(min_length=2, max_length=2)]
 class UserTable(Table):
     """User-defined coordinates of a problem file, with the map to and from the triangular ones."""
 
-    coordinates: list[str] = Field(
-        description="Names of the user coordinates, as many as there are triangular ones."
-    )
-    units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
-    expressions: list[str] = Field(
-        description="Each user coordinate as an expression of the triangular coordinates."
-    )
-    inverse: list[str] = Field(
-        description="Each triangular coordinate as an expression of the user coordinates, in"
-        " triangular order."
-    )
+    coordinates: list[str]
+    """Names of the user coordinates, as many as there are triangular ones."""
+    units: list[str]
+    """Their units; 'rad' is shown in degrees."""
+    expressions: list[str]
+    """Each user coordinate as an expression of the triangular coordinates."""
+    inverse: list[str]
+    """Each triangular coordinate as an expression of the user coordinates, in triangular order."""
 
     def as_lines(self) -> dict[str, list[str]]:
         """Return the table as a dict, each text reduced to one line."""
@@ -61,26 +58,25 @@ class CustomTable(Table):
     """A system q1' = drive * u1, q2' = u2, qi' = slope_i * q1', given by expressions."""
 
     kind: Literal["custom"]
-    name: str = Field("custom system", description="Name of the system.")
-    coordinates: Annotated[list[str], Field(min_length=3)] = Field(
-        description="Names of the coordinates in triangular order."
-    )
-    units: list[str] = Field(description="Their units; 'rad' is shown in degrees.")
-    slopes: list[str] = Field(
-        description="f3 ... fN as expressions of the coordinates; f_i may depend on q_(i-1) and"
-        " later ones."
-    )
-    drive: str = Field("1.0", description="Expression of gamma, with q1' = gamma u1.")
-    intervals: dict[str, Pair] = Field(
-        default_factory=dict,
-        description="Open interval of each coordinate but first and last; angles have a default.",
-    )
-    inputs: Names = Field(default_factory=lambda: ["u1", "u2"], description="Names of the inputs.")
-    input_units: Names = Field(default_factory=lambda: ["", ""], description="Their units.")
+    name: str = "custom system"
+    """Name of the system."""
+    coordinates: Annotated[list[str], Field(min_length=3)]
+    """Names of the coordinates in triangular order."""
+    units: list[str]
+    """Their units; 'rad' is shown in degrees."""
+    slopes: list[str]
+    """f3 ... fN as expressions of the coordinates; f_i may depend on q_(i-1) and later ones."""
+    drive: str = "1.0"
+    """Expression of gamma, with q1' = gamma u1."""
+    intervals: dict[str, Pair] = Field(default_factory=dict)
+    """Open interval of each coordinate but first and last; angles have a default."""
+    inputs: Names = Field(default_factory=lambda: ["u1", "u2"])
+    """Names of the inputs."""
+    input_units: Names = Field(default_factory=lambda: ["", ""])
+    """Their units."""
 
-    user: UserTable | None = Field(
-        None, description="Your own coordinates, if the file does not use the triangular ones."
-    )
+    user: UserTable | None = None
+    """Your own coordinates, if the file does not use the triangular ones."""
 
     @model_validator(mode="after")
     def _check_expressions(self) -> CustomTable:
@@ -110,19 +106,17 @@ class CustomTable(Table):
 class CustomStart(Table):
     """Where the system starts."""
 
-    q: dict[str, float] = Field(description="Each coordinate by name, in its unit.")
+    q: dict[str, float]
+    """Each coordinate by name, in its unit."""
 
 
 class CustomGoal(GoalTable):
     """Where the system ends."""
 
-    q: dict[str, Free | float] = Field(
-        description="Each coordinate but the first by name, in its unit; user coordinates may be"
-        " 'free'."
-    )
-    travel: Free | float = Field(
-        "free", description="Change of the first triangular coordinate, or 'free'."
-    )
+    q: dict[str, Free | float]
+    """Each coordinate but the first by name, in its unit; user coordinates may be 'free'."""
+    travel: Free | float = "free"
+    """Change of the first triangular coordinate, or 'free'."""
 
 
 class CustomLimits(BaseLimits):
@@ -131,18 +125,14 @@ class CustomLimits(BaseLimits):
     inputs = "input", "input"
     rates = "input_rate", "input_rate"
 
-    input: PerInput = Field(None, description="Largest |u1|, |u2|: one number for both, or two.")
-    input_rate: PerInput = Field(
-        None,
-        description="Largest |du/dt|, one number or two: with it, inputs are continuous.",
-        examples=[[5.0, 5.0]],
-    )
-    q: dict[str, Positive] = Field(
-        default_factory=dict, description="Largest |coordinate| by name, in its unit."
-    )
-    z2_margin: Annotated[float, Field(ge=0)] | None = Field(
-        None, description="Least |z2|; z2 keeps the sign it has at the start."
-    )
+    input: PerInput = None
+    """Largest |u1|, |u2|: one number for both, or two."""
+    input_rate: PerInput = Field(None, examples=[[5.0, 5.0]])
+    """Largest |du/dt|, one number or two: with it, inputs are continuous."""
+    q: dict[str, Positive] = Field(default_factory=dict)
+    """Largest |coordinate| by name, in its unit."""
+    z2_margin: Annotated[float, Field(ge=0)] | None = None
+    """Least |z2|; z2 keeps the sign it has at the start."""
 
 
 class OwnFile(NamedFile):
@@ -264,7 +254,8 @@ class CoinTable(Table):
     """Constants of the coin."""
 
     kind: Literal["coin"]
-    radius_m: Positive = Field(description="Radius of the coin in m.")
+    radius_m: Positive
+    """Radius of the coin in m."""
 
 
 class CoinFile(OwnFile):

@@ -24,10 +24,10 @@ Numbers = float | list[float]
 class Spread(Table):
     """A setting that differs from machine to machine."""
 
-    value: Numbers = Field(description="Mean: one number, or one per motor or joint.")
-    spread: Numbers = Field(
-        0.0, description="Standard deviation in the same unit (normal, truncated to the range)."
-    )
+    value: Numbers
+    """Mean: one number, or one per motor or joint."""
+    spread: Numbers = 0.0
+    """Standard deviation in the same unit (normal, truncated to the range)."""
 
 
 Setting = float | list[float] | Spread | Literal[False] | None
@@ -191,15 +191,13 @@ class Worth(Table):
     run in which every joint after the first reverses tests that.
     """
 
-    tested: bool = Field(description="Whether such a run was kept out.")
-    improves: bool | None = Field(
-        None, description="Whether the machine predicts that run better than the preset does."
-    )
-    half_width_deg: Annotated[float, Field(ge=0)] | None = Field(
-        None,
-        description="About four of five plans end within this angle of the predicted end, degrees;"
-        " no confidence interval.",
-    )
+    tested: bool
+    """Whether such a run was kept out."""
+    improves: bool | None = None
+    """Whether the machine predicts that run better than the preset does."""
+    half_width_deg: Annotated[float, Field(ge=0)] | None = None
+    """About four of five plans end within this angle of the predicted end, degrees; no confidence
+    interval."""
 
     @property
     def words(self) -> str:
@@ -217,178 +215,120 @@ class MachineTable(Table):
     which switches it off. Effects that are left out are as in the preset.
     """
 
-    preset: Literal["prototype", "ideal"] = Field("prototype", description="Preset to start from.")
-    step_s: Annotated[float, Field(gt=0, le=0.01)] | None = Field(
-        None, description="Largest simulation step in seconds."
-    )
-    fidelity: Literal["quasi-static", "dynamic"] | None = Field(
-        None,
-        description="quasi-static: joint motion from the balance of torques, without inertia;"
-        " dynamic: two masses per joint and motors with limited torque. Default: quasi-static.",
-    )
+    preset: Literal["prototype", "ideal"] = "prototype"
+    """Preset to start from."""
+    step_s: Annotated[float, Field(gt=0, le=0.01)] | None = None
+    """Largest simulation step in seconds."""
+    fidelity: Literal["quasi-static", "dynamic"] | None = None
+    """quasi-static: joint motion from the balance of torques, without inertia; dynamic: two masses
+    per joint and motors with limited torque. Default: quasi-static."""
 
     start_state: (
         StartState | Annotated[list[StartState | StartShare], Field(min_length=1)] | None
-    ) = Field(
-        None,
-        description="State of the arm before the start. unwound: no torsion of shafts, backlash as"
-        " in initial_play. forward, backward: as after a motion in that direction, with backlash"
-        " taken up and shafts wound up as far as friction holds them. unknown: anywhere between."
-        " One word, or a list with one entry per joint (the gearhead of motor 1 is then in the"
-        " state of joint 2), or with that gearhead's entry before them. An entry is a word or a"
-        " number: 1 is forward, -1 backward, 0 the middle, as a share of each machine's own lost"
-        " motion; a compensated plan has its last state as notes.end_state. Default: unwound.",
-    )
+    ) = None
+    """State of the arm before the start. unwound: no torsion of shafts, backlash as in
+    initial_play. forward, backward: as after a motion in that direction, with backlash taken up and
+    shafts wound up as far as friction holds them. unknown: anywhere between. One word, or a list
+    with one entry per joint (the gearhead of motor 1 is then in the state of joint 2), or with that
+    gearhead's entry before them. An entry is a word or a number: 1 is forward, -1 backward, 0 the
+    middle, as a share of each machine's own lost motion; a compensated plan has its last state as
+    notes.end_state. Default: unwound."""
 
-    worth: Worth | None = Field(
-        None, description="How far plans for this machine can be believed, if it was identified."
-    )
+    worth: Worth | None = None
+    """How far plans for this machine can be believed, if it was identified."""
 
     control_period_s: Annotated[
         Setting, Effect("s", "machine", high=1, positive=True, may_spread=False)
-    ] = Field(None, description="Sample and hold: period in seconds at which the command is read.")
-    delay_s: Annotated[Setting, Effect("s", "machine", high=1)] = Field(
-        None, description="Time from command to motor, seconds."
-    )
-    velocity_resolution_rad_s: Annotated[Setting, Effect("rad/s", "motor", may_spread=False)] = (
-        Field(None, description="Smallest step of the velocity command, rad/s.")
-    )
-    input_gain_error: Annotated[Setting, Effect("", "motor", low=-0.9)] = Field(
-        None, description="Motor runs at (1 + this) times its command (fraction)."
-    )
-    input_bias_rad_s: Annotated[Setting, Effect("rad/s", "motor", low=-math.inf)] = Field(
-        None, description="Added to each motor's speed while a plan runs, rad/s."
-    )
-    velocity_limit_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = Field(
-        None, description="Largest motor speed, rad/s."
-    )
-    acceleration_limit_rad_s2: Annotated[Setting, _unlimited("rad/s^2", "motor")] = Field(
-        None, description="Largest motor acceleration, rad/s^2."
-    )
-    servo_bandwidth_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = Field(
-        None,
-        description="Velocity loop: corner frequency of a first-order lag, or natural frequency"
-        " when servo_damping is given, rad/s.",
-    )
-    servo_damping: Annotated[Setting, Effect("", "motor", off_value=math.nan, positive=True)] = (
-        Field(None, description="Damping ratio of a second-order velocity loop; off: first order.")
-    )
-    motor_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "motor", dynamic_only=True)] = Field(
-        None,
-        description="Inertia of each motor with its gearhead, at the gearhead's output, kg m^2"
-        " (dynamic).",
-    )
+    ] = None
+    """Sample and hold: period in seconds at which the command is read."""
+    delay_s: Annotated[Setting, Effect("s", "machine", high=1)] = None
+    """Time from command to motor, seconds."""
+    velocity_resolution_rad_s: Annotated[Setting, Effect("rad/s", "motor", may_spread=False)] = None
+    """Smallest step of the velocity command, rad/s."""
+    input_gain_error: Annotated[Setting, Effect("", "motor", low=-0.9)] = None
+    """Motor runs at (1 + this) times its command (fraction)."""
+    input_bias_rad_s: Annotated[Setting, Effect("rad/s", "motor", low=-math.inf)] = None
+    """Added to each motor's speed while a plan runs, rad/s."""
+    velocity_limit_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = None
+    """Largest motor speed, rad/s."""
+    acceleration_limit_rad_s2: Annotated[Setting, _unlimited("rad/s^2", "motor")] = None
+    """Largest motor acceleration, rad/s^2."""
+    servo_bandwidth_rad_s: Annotated[Setting, _unlimited("rad/s", "motor")] = None
+    """Velocity loop: corner frequency of a first-order lag, or natural frequency when servo_damping
+    is given, rad/s."""
+    servo_damping: Annotated[Setting, Effect("", "motor", off_value=math.nan, positive=True)] = None
+    """Damping ratio of a second-order velocity loop; off: first order."""
+    motor_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "motor", dynamic_only=True)] = None
+    """Inertia of each motor with its gearhead, at the gearhead's output, kg m^2 (dynamic)."""
     servo_gain_nms_per_rad: Annotated[
         Setting, _unlimited("N m s/rad", "motor", dynamic_only=True)
-    ] = Field(
-        None,
-        description="Velocity loop: torque for each rad/s of lag behind the drive's own"
-        " reference, at the gearhead's output, N m s/rad (dynamic); off: rigid.",
-    )
-    servo_integral_time_s: Annotated[Setting, _unlimited("s", "motor", dynamic_only=True)] = Field(
-        None,
-        description="Velocity loop: integral time in seconds (dynamic); off: no integral action.",
-    )
-    torque_limit_nm: Annotated[Setting, _unlimited("N m", "motor", dynamic_only=True)] = Field(
-        None, description="Largest torque of each motor at its gearhead's output, N m (dynamic)."
-    )
+    ] = None
+    """Velocity loop: torque for each rad/s of lag behind the drive's own reference, at the
+    gearhead's output, N m s/rad (dynamic); off: rigid."""
+    servo_integral_time_s: Annotated[Setting, _unlimited("s", "motor", dynamic_only=True)] = None
+    """Velocity loop: integral time in seconds (dynamic); off: no integral action."""
+    torque_limit_nm: Annotated[Setting, _unlimited("N m", "motor", dynamic_only=True)] = None
+    """Largest torque of each motor at its gearhead's output, N m (dynamic)."""
 
-    creep: Annotated[Setting, Effect("", "machine", high=1)] = Field(
-        None, description="Rate lost at each friction contact under no load (fraction)."
-    )
-    creep_per_nm: Annotated[Setting, Effect("1/(N m)", "machine")] = Field(
-        None, description="Rate lost at each contact for each N m it transmits (fraction per N m)."
-    )
-    lateral_friction: Annotated[Setting, Effect("", "machine", high=1)] = Field(
-        None,
-        description="Friction of a contact sideways relative to that along its drive, 0 ... 1: a"
-        " contact slides sideways when its joint turns, which loads the driver and loses rate under"
-        " load; 1 for plain disks, less for rollers. Acts together with friction_capacity_nm.",
-    )
-    friction_capacity_nm: Annotated[Setting, _unlimited("N m", "machine")] = Field(
-        None,
-        description="Largest torque a contact transmits, mu N r of disk B, N m; if more is needed,"
-        " the driven part stands still (gross slip).",
-    )
-    disk_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
-        None,
-        description="Inertia of the disks between two stages, about the axle of the first one's"
-        " driving disk, kg m^2 (dynamic).",
-    )
-    gear_ratio_error: Annotated[Setting, Effect("", "passive", low=-0.9)] = Field(
-        None, description="Error of the gear constants K2 ... Kn (fraction)."
-    )
-    gearhead_backlash_deg: Annotated[Setting, Effect("deg", "motor", high=45)] = Field(
-        None, description="Total backlash of each motor's gearhead at its output, degrees."
-    )
-    backlash_deg: Annotated[Setting, Effect("deg", "passive", high=45)] = Field(
-        None,
-        description="Total backlash of the bevel gears and belt of each of joints 2 ... n, at"
-        " the joint, degrees.",
-    )
-    initial_play: Annotated[Setting, Effect("", "passive", low=-1, high=1)] = Field(
-        None,
-        description="Position in the backlash at the start, for each of joints 2 ... n: 0 in the"
-        " middle, 1 in contact for motion in positive direction, -1 in negative direction.",
-    )
-    axis_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = Field(
-        None,
-        description="Inertia of the gears and pulleys that drive joints 2 ... n, on the motor"
-        " side of the backlash, at the joint, kg m^2 (dynamic).",
-    )
-    shaft_stiffness_nm_per_rad: Annotated[Setting, _unlimited("N m/rad", "passive")] = Field(
-        None, description="Torsional stiffness of the shaft into joints 2 ... n, N m/rad."
-    )
+    creep: Annotated[Setting, Effect("", "machine", high=1)] = None
+    """Rate lost at each friction contact under no load (fraction)."""
+    creep_per_nm: Annotated[Setting, Effect("1/(N m)", "machine")] = None
+    """Rate lost at each contact for each N m it transmits (fraction per N m)."""
+    lateral_friction: Annotated[Setting, Effect("", "machine", high=1)] = None
+    """Friction of a contact sideways relative to that along its drive, 0 ... 1: a contact slides
+    sideways when its joint turns, which loads the driver and loses rate under load; 1 for plain
+    disks, less for rollers. Acts together with friction_capacity_nm."""
+    friction_capacity_nm: Annotated[Setting, _unlimited("N m", "machine")] = None
+    """Largest torque a contact transmits, mu N r of disk B, N m; if more is needed, the driven part
+    stands still (gross slip)."""
+    disk_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = None
+    """Inertia of the disks between two stages, about the axle of the first one's driving disk, kg
+    m^2 (dynamic)."""
+    gear_ratio_error: Annotated[Setting, Effect("", "passive", low=-0.9)] = None
+    """Error of the gear constants K2 ... Kn (fraction)."""
+    gearhead_backlash_deg: Annotated[Setting, Effect("deg", "motor", high=45)] = None
+    """Total backlash of each motor's gearhead at its output, degrees."""
+    backlash_deg: Annotated[Setting, Effect("deg", "passive", high=45)] = None
+    """Total backlash of the bevel gears and belt of each of joints 2 ... n, at the joint,
+    degrees."""
+    initial_play: Annotated[Setting, Effect("", "passive", low=-1, high=1)] = None
+    """Position in the backlash at the start, for each of joints 2 ... n: 0 in the middle, 1 in
+    contact for motion in positive direction, -1 in negative direction."""
+    axis_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "passive", dynamic_only=True)] = None
+    """Inertia of the gears and pulleys that drive joints 2 ... n, on the motor side of the
+    backlash, at the joint, kg m^2 (dynamic)."""
+    shaft_stiffness_nm_per_rad: Annotated[Setting, _unlimited("N m/rad", "passive")] = None
+    """Torsional stiffness of the shaft into joints 2 ... n, N m/rad."""
     shaft_damping_nms_per_rad: Annotated[
         Setting, Effect("N m s/rad", "passive", dynamic_only=True)
-    ] = Field(None, description="Damping of the twist of those shafts, N m s/rad (dynamic).")
-    link_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "joint", dynamic_only=True)] = Field(
-        None,
-        description="Inertia of each link about its joint, with the mass of all that it carries"
-        " at the next joint, kg m^2 (dynamic).",
-    )
-    link_length_m: Annotated[Setting, Effect("m", "joint", dynamic_only=True)] = Field(
-        None,
-        description="Distance of each joint from the next, metres (dynamic): with"
-        " link_moment_kgm it couples the motions of the links; 0: each link reacts only with its"
-        " link_inertia_kgm2.",
-    )
-    base_friction_nm: Annotated[Setting, Effect("N m", "machine", dynamic_only=True)] = Field(
-        None, description="Coulomb friction of joint 1, N m (dynamic)."
-    )
-    coulomb_friction_nm: Annotated[Setting, Effect("N m", "passive")] = Field(
-        None,
-        description="Coulomb friction of joints 2 ... n, N m; it loads the contacts and twists a"
-        " soft shaft.",
-    )
-    viscous_friction_nms_per_rad: Annotated[Setting, Effect("N m s/rad", "passive")] = Field(
-        None,
-        description="Viscous friction of joints 2 ... n, N m s/rad; it also loads the contacts and"
-        " twists a soft shaft.",
-    )
-    incline_deg: Annotated[Setting, Effect("deg", "machine", high=90)] = Field(
-        None,
-        description="Slope of the plane in which the arm moves, degrees: gravity pulls the links"
-        " towards -y of the base; 0 is level.",
-    )
-    link_moment_kgm: Annotated[Setting, Effect("kg m", "joint")] = Field(
-        None,
-        description="Mass of each link, with all that it carries, times the distance of its centre"
-        " of mass from its joint, kg m: what gravity acts on when the plane is inclined, and the"
-        " links' reaction where they have a link_length_m.",
-    )
-    initial_angle_error_deg: Annotated[Setting, Effect("deg", "joint", low=-math.inf)] = Field(
-        None, description="True minus assumed angle of each joint at the start, degrees."
-    )
-    encoder_noise_deg: Annotated[Setting, Effect("deg", "joint", high=45, may_spread=False)] = (
-        Field(
-            None,
-            description="Noise of the joint encoders before rounding, standard deviation, degrees.",
-        )
-    )
-    encoder_resolution_deg: Annotated[Setting, Effect("deg", "joint", may_spread=False)] = Field(
-        None, description="Smallest step of the joint encoders, degrees."
-    )
+    ] = None
+    """Damping of the twist of those shafts, N m s/rad (dynamic)."""
+    link_inertia_kgm2: Annotated[Setting, Effect("kg m^2", "joint", dynamic_only=True)] = None
+    """Inertia of each link about its joint, with the mass of all that it carries at the next joint,
+    kg m^2 (dynamic)."""
+    link_length_m: Annotated[Setting, Effect("m", "joint", dynamic_only=True)] = None
+    """Distance of each joint from the next, metres (dynamic): with link_moment_kgm it couples the
+    motions of the links; 0: each link reacts only with its link_inertia_kgm2."""
+    base_friction_nm: Annotated[Setting, Effect("N m", "machine", dynamic_only=True)] = None
+    """Coulomb friction of joint 1, N m (dynamic)."""
+    coulomb_friction_nm: Annotated[Setting, Effect("N m", "passive")] = None
+    """Coulomb friction of joints 2 ... n, N m; it loads the contacts and twists a soft shaft."""
+    viscous_friction_nms_per_rad: Annotated[Setting, Effect("N m s/rad", "passive")] = None
+    """Viscous friction of joints 2 ... n, N m s/rad; it also loads the contacts and twists a soft
+    shaft."""
+    incline_deg: Annotated[Setting, Effect("deg", "machine", high=90)] = None
+    """Slope of the plane in which the arm moves, degrees: gravity pulls the links towards -y of the
+    base; 0 is level."""
+    link_moment_kgm: Annotated[Setting, Effect("kg m", "joint")] = None
+    """Mass of each link, with all that it carries, times the distance of its centre of mass from
+    its joint, kg m: what gravity acts on when the plane is inclined, and the links' reaction where
+    they have a link_length_m."""
+    initial_angle_error_deg: Annotated[Setting, Effect("deg", "joint", low=-math.inf)] = None
+    """True minus assumed angle of each joint at the start, degrees."""
+    encoder_noise_deg: Annotated[Setting, Effect("deg", "joint", high=45, may_spread=False)] = None
+    """Noise of the joint encoders before rounding, standard deviation, degrees."""
+    encoder_resolution_deg: Annotated[Setting, Effect("deg", "joint", may_spread=False)] = None
+    """Smallest step of the joint encoders, degrees."""
 
     def mismatch(self, joints: int) -> str | None:
         """Describe the first list whose length does not fit `joints` joints; None without one."""

@@ -24,45 +24,28 @@ from planner.systems.triangular_system import TriangularSystem
 class CompensationTable(Table):
     """Options of compensated plans."""
 
-    on: bool = Field(
-        False,
-        description="Whether plans are compensated for the problem's nominal machine (without"
-        " spreads): their inputs are the motor commands, their motion is the one"
-        " predicted on that machine.",
-    )
-    preparation: Literal["forward", False] = Field(
-        "forward",
-        description="How backlash and shaft torsion of the joints are taken up. forward: by a"
-        " preparatory motion of some seconds, without reversal of the drive. false: not"
-        " before the start; only the correction, during the plan.",
-    )
-    take_up: bool = Field(
-        True,
-        description="Whether the plan's clock is held where the drive turns back, until the axes"
-        " have turned through their lost motion; about 1.5 s each time.",
-    )
-    correction: bool = Field(
-        True,
-        description="Whether the motors' angles are corrected on the nominal machine, so that"
-        " it stays near the plan's path and ends at the goal.",
-    )
-    back_off: bool = Field(
-        True,
-        description="Whether the drive turns back after the plan's end, as far as no joint of"
-        " the nominal machine follows. On machines with less lost motion than the"
-        " mean, joints that overshot come back. It takes about a second. Not used"
-        " if goal.travel is given, if the drive reverses during the plan, or if a"
-        " shaft was wound up in its first direction before (machine.start_state).",
-    )
-    lag: bool = Field(
-        True,
-        description="Whether commands are sent earlier by the lag of hold, delay, servo and"
-        " friction.",
-    )
-    gearheads: bool = Field(
-        True,
-        description="Whether a motor that reverses crosses the backlash of its gearhead at once.",
-    )
+    on: bool = False
+    """Whether plans are compensated for the problem's nominal machine (without spreads): their
+    inputs are the motor commands, their motion is the one predicted on that machine."""
+    preparation: Literal["forward", False] = "forward"
+    """How backlash and shaft torsion of the joints are taken up. forward: by a preparatory motion
+    of some seconds, without reversal of the drive. false: not before the start; only the
+    correction, during the plan."""
+    take_up: bool = True
+    """Whether the plan's clock is held where the drive turns back, until the axes have turned
+    through their lost motion; about 1.5 s each time."""
+    correction: bool = True
+    """Whether the motors' angles are corrected on the nominal machine, so that it stays near the
+    plan's path and ends at the goal."""
+    back_off: bool = True
+    """Whether the drive turns back after the plan's end, as far as no joint of the nominal machine
+    follows. On machines with less lost motion than the mean, joints that overshot come back. It
+    takes about a second. Not used if goal.travel is given, if the drive reverses during the plan,
+    or if a shaft was wound up in its first direction before (machine.start_state)."""
+    lag: bool = True
+    """Whether commands are sent earlier by the lag of hold, delay, servo and friction."""
+    gearheads: bool = True
+    """Whether a motor that reverses crosses the backlash of its gearhead at once."""
 
 
 def _check_two_values(value: float | list[float] | None) -> float | list[float] | None:
@@ -95,66 +78,42 @@ class BaseLimits(Table):
 class FeedbackTable(Table):
     """Options of the feedback by a receding-horizon tracker."""
 
-    period_s: Annotated[float, Field(gt=0, le=1)] = Field(
-        0.1, description="Time between two readings of the encoders, seconds."
-    )
-    latency_s: Annotated[float, Field(ge=0, le=1)] = Field(
-        0.01,
-        description="Time from a reading to the first command that follows from it, seconds;"
-        " rounded up to the machine's control period.",
-    )
-    horizon_s: Annotated[float, Field(gt=0, le=60)] = Field(
-        2.0,
-        description="Time ahead over which the tracker keeps limits, seconds; its cost covers the"
-        " rest of the motion. With 1 s the preparatory motion moves joints past the start, and it"
-        " must not reverse to bring them back.",
-    )
-    overtime_s: Annotated[float, Field(ge=0, le=60)] = Field(
-        0.3,
-        description="Time for corrections after the plan's end, seconds; a replay cuts it off at"
-        " its settle time.",
-    )
-    run_up: Literal["auto"] | bool = Field(
-        "auto",
-        description="Whether a preparatory motion before the plan takes up and measures backlash"
-        " and shaft torsion: the arm goes back and returns to the start. auto: if the machine has"
-        " backlash or soft shafts, there are at most two passive joints, and the plan's drive"
-        " never reverses or the plan is compensated, and if there is room between obstacles."
-        " Without it a compensated plan prepares as it does in open loop.",
-    )
-    path_error_deg: Annotated[float, Field(gt=0)] = Field(
-        0.1,
-        description="Error during the motion that weighs as much as one unit of correction,"
-        " degrees (a length in metres counts as an angle in radians).",
-    )
-    goal_error_deg: Annotated[float, Field(gt=0)] = Field(
-        0.02,
-        description="Error at the end that weighs as much as one unit of correction, degrees. A"
-        " smaller value lets theta1 deviate further from its path so that all joints reach the"
-        " goal.",
-    )
-    correction: Annotated[float, Field(gt=0)] = Field(
-        0.2, description="Unit of correction, as a fraction of each input's limit (or of its peak)."
-    )
-    correction_step: Annotated[float, Field(gt=0)] = Field(
-        0.05,
-        description="Unit of change of the correction per period, as the same fraction. A smaller"
-        " value excites the joints' shafts less; if links have inertia, it is reduced"
-        " automatically.",
-    )
-    least_speed: Annotated[float, Field(ge=0, le=1)] = Field(
-        0.5,
-        description="Least speed along the path, as a fraction of the plan's. It keeps the drive"
-        " from reversing, which would cross the whole backlash.",
-    )
-    take_up_play: bool = Field(
-        True,
-        description="Whether a command that reverses a motor first crosses the backlash of"
-        " its gearhead.",
-    )
-    max_iterations: Annotated[int, Field(ge=10)] = Field(
-        2000, description="Iterations after which a quadratic program counts as late."
-    )
+    period_s: Annotated[float, Field(gt=0, le=1)] = 0.1
+    """Time between two readings of the encoders, seconds."""
+    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.01
+    """Time from a reading to the first command that follows from it, seconds; rounded up to the
+    machine's control period."""
+    horizon_s: Annotated[float, Field(gt=0, le=60)] = 2.0
+    """Time ahead over which the tracker keeps limits, seconds; its cost covers the rest of the
+    motion. With 1 s the preparatory motion moves joints past the start, and it must not reverse to
+    bring them back."""
+    overtime_s: Annotated[float, Field(ge=0, le=60)] = 0.3
+    """Time for corrections after the plan's end, seconds; a replay cuts it off at its settle
+    time."""
+    run_up: Literal["auto"] | bool = "auto"
+    """Whether a preparatory motion before the plan takes up and measures backlash and shaft
+    torsion: the arm goes back and returns to the start. auto: if the machine has backlash or soft
+    shafts, there are at most two passive joints, and the plan's drive never reverses or the plan is
+    compensated, and if there is room between obstacles. Without it a compensated plan prepares as
+    it does in open loop."""
+    path_error_deg: Annotated[float, Field(gt=0)] = 0.1
+    """Error during the motion that weighs as much as one unit of correction, degrees (a length in
+    metres counts as an angle in radians)."""
+    goal_error_deg: Annotated[float, Field(gt=0)] = 0.02
+    """Error at the end that weighs as much as one unit of correction, degrees. A smaller value lets
+    theta1 deviate further from its path so that all joints reach the goal."""
+    correction: Annotated[float, Field(gt=0)] = 0.2
+    """Unit of correction, as a fraction of each input's limit (or of its peak)."""
+    correction_step: Annotated[float, Field(gt=0)] = 0.05
+    """Unit of change of the correction per period, as the same fraction. A smaller value excites
+    the joints' shafts less; if links have inertia, it is reduced automatically."""
+    least_speed: Annotated[float, Field(ge=0, le=1)] = 0.5
+    """Least speed along the path, as a fraction of the plan's. It keeps the drive from reversing,
+    which would cross the whole backlash."""
+    take_up_play: bool = True
+    """Whether a command that reverses a motor first crosses the backlash of its gearhead."""
+    max_iterations: Annotated[int, Field(ge=10)] = 2000
+    """Iterations after which a quadratic program counts as late."""
 
 
 AngleDeg = Annotated[float, Field(gt=-90, lt=90)]
@@ -168,33 +127,27 @@ time."""
 class WaypointTable(Table):
     """A place the motion must pass through."""
 
-    time: Positive | None = Field(
-        None,
-        description="Time in seconds; needs a fixed goal.duration. Without it: at any time, and"
-        " in any order with other waypoints without a time.",
-    )
+    time: Positive | None = None
+    """Time in seconds; needs a fixed goal.duration. Without it: at any time, and in any order with
+    other waypoints without a time."""
 
 
 class NamedWaypoint(WaypointTable):
     """A waypoint by coordinate names."""
 
-    q: dict[str, float | list[float]] = Field(
-        min_length=1,
-        description="Some coordinates; the others are free. NAME_deg is an angle in degrees and"
-        " NAME_m a length in m, as in start and goal (numbered angles take a list); NAME"
-        " alone is in the coordinate's own unit (rad, m).",
-    )
+    q: dict[str, float | list[float]] = Field(min_length=1)
+    """Some coordinates; the others are free. NAME_deg is an angle in degrees and NAME_m a length in
+    m, as in start and goal (numbered angles take a list); NAME alone is in the coordinate's own
+    unit (rad, m)."""
 
 
 class JointWaypoint(WaypointTable):
     """A waypoint in joint angles."""
 
-    theta_deg: list[AngleDeg | Free] = Field(
-        description="Joint angles in degrees, each within (-90, 90), or 'free'."
-    )
-    travel: float | None = Field(
-        None, description="Change of the disk angle since the start in radians; free if left out."
-    )
+    theta_deg: list[AngleDeg | Free]
+    """Joint angles in degrees, each within (-90, 90), or 'free'."""
+    travel: float | None = None
+    """Change of the disk angle since the start in radians; free if left out."""
 
     @field_validator("theta_deg")
     @classmethod
@@ -207,15 +160,13 @@ class JointWaypoint(WaypointTable):
 class ObstacleTable(Table):
     """A disc in the plane that no link may touch; the arm's base is the origin."""
 
-    centre_m: Pair = Field(
-        description="Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."
-    )
-    radius_m: Positive = Field(description="Its radius in metres.")
-    clearance_m: Annotated[float, Field(ge=0)] = Field(
-        0.0,
-        description="Least distance in metres between links and disc: half the width of a link plus"
-        " the machine's error.",
-    )
+    centre_m: Pair
+    """Its centre [x, y] in metres (in the unit of system.link_lengths, 1 each)."""
+    radius_m: Positive
+    """Its radius in metres."""
+    clearance_m: Annotated[float, Field(ge=0)] = 0.0
+    """Least distance in metres between links and disc: half the width of a link plus the machine's
+    error."""
 
 
 Free = Literal["free"]
@@ -224,14 +175,11 @@ Free = Literal["free"]
 class GoalTable(Table):
     """Keys that every goal has."""
 
-    duration: Free | Annotated[float, Field(gt=0)] = Field(
-        10.0, description="Duration in seconds, or 'free'."
-    )
-    duration_max: Positive | None = Field(
-        None,
-        description="Longest duration of the whole run in seconds, including what compensation adds"
-        " before, during and after the plan; the plan is shortened to fit.",
-    )
+    duration: Free | Annotated[float, Field(gt=0)] = 10.0
+    """Duration in seconds, or 'free'."""
+    duration_max: Positive | None = None
+    """Longest duration of the whole run in seconds, including what compensation adds before, during
+    and after the plan; the plan is shortened to fit."""
 
 
 class ProblemFile(Table):
@@ -250,7 +198,8 @@ class ProblemFile(Table):
     example: ClassVar[str] = ""
     places: ClassVar[str] = ""
 
-    title: str = Field("", description="One line about the problem.")
+    title: str = ""
+    """One line about the problem."""
     system: Any
     start: Any
     goal: Any
@@ -259,7 +208,8 @@ class ProblemFile(Table):
     machine: MachineTable = Field(default_factory=MachineTable)
     feedback: FeedbackTable = Field(default_factory=FeedbackTable)
     compensation: CompensationTable = Field(default_factory=CompensationTable)
-    waypoints: Any = Field(default_factory=list, description="Places to pass through.")
+    waypoints: Any = Field(default_factory=list)
+    """Places to pass through."""
 
     @abstractmethod
     def build_system(self) -> TriangularSystem:
@@ -331,11 +281,8 @@ class NamedFile(ProblemFile):
 """
     largest_angles: ClassVar[Mapping[str, float]] = {}
 
-    waypoints: list[NamedWaypoint] = Field(
-        default_factory=list,
-        max_length=MOST_WAYPOINTS,
-        description="Places the motion must pass through.",
-    )
+    waypoints: list[NamedWaypoint] = Field(default_factory=list, max_length=MOST_WAYPOINTS)
+    """Places the motion must pass through."""
 
     @model_validator(mode="after")
     def _check_waypoints(self) -> NamedFile:

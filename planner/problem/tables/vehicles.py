@@ -39,25 +39,26 @@ TURN_ROUNDING = 1e-9
 class PoseStart(Table):
     """Where the vehicle starts."""
 
-    x_m: float = Field(0.0, description="Position along the x axis in m.")
-    y_m: float = Field(0.0, description="Position across it in m.")
-    heading_deg: Degrees = Field(0.0, description="Heading from the x axis in degrees.")
+    x_m: float = 0.0
+    """Position along the x axis in m."""
+    y_m: float = 0.0
+    """Position across it in m."""
+    heading_deg: Degrees = 0.0
+    """Heading from the x axis in degrees."""
 
 
 class PoseGoal(GoalTable):
     """Where the vehicle ends."""
 
-    x_m: Free | float = Field(description="Position along the x axis in m, or 'free'.")
-    y_m: float = Field(description="Position across it in m.")
-    heading_deg: Degrees = Field(
-        0.0, description="Heading from the x axis in degrees; 370 is 10, see turns."
-    )
-    turns: Annotated[int, Field(ge=-100, le=100)] | None = Field(
-        None,
-        description="Whole turns of the heading beyond the nearest way, positive to the left. By"
-        " default none: the vehicle turns the nearest way that limits.heading_deg allows.",
-        examples=[1],
-    )
+    x_m: Free | float
+    """Position along the x axis in m, or 'free'."""
+    y_m: float
+    """Position across it in m."""
+    heading_deg: Degrees = 0.0
+    """Heading from the x axis in degrees; 370 is 10, see turns."""
+    turns: Annotated[int, Field(ge=-100, le=100)] | None = Field(None, examples=[1])
+    """Whole turns of the heading beyond the nearest way, positive to the left. By default none: the
+    vehicle turns the nearest way that limits.heading_deg allows."""
 
 
 class VehicleLimits(BaseLimits):
@@ -66,16 +67,13 @@ class VehicleLimits(BaseLimits):
     inputs = "speed_m_s", "turn_rate_rad_s"
     rates = "acceleration_m_s2", "turn_acceleration_rad_s2"
 
-    speed_m_s: Positive | None = Field(None, description="Largest speed, either way, in m/s.")
-    acceleration_m_s2: Positive | None = Field(
-        None,
-        description="Largest rate of the speed in m/s^2: with it, the speed is continuous, and zero"
-        " at both ends unless the method's rest is false. Closed-form plans may begin with speed.",
-        examples=[2.0],
-    )
-    heading_deg: Annotated[float, Field(gt=0, le=360)] | None = Field(
-        None, description="Largest |heading| in degrees.", examples=[80]
-    )
+    speed_m_s: Positive | None = None
+    """Largest speed, either way, in m/s."""
+    acceleration_m_s2: Positive | None = Field(None, examples=[2.0])
+    """Largest rate of the speed in m/s^2: with it, the speed is continuous, and zero at both ends
+    unless the method's rest is false. Closed-form plans may begin with speed."""
+    heading_deg: Annotated[float, Field(gt=0, le=360)] | None = Field(None, examples=[80])
+    """Largest |heading| in degrees."""
 
 
 class VehicleFile(NamedFile):
@@ -186,19 +184,22 @@ class CarTable(Table):
     """Constants of the car."""
 
     kind: Literal["car"]
-    wheelbase_m: Positive = Field(description="Distance between the axles in m.")
+    wheelbase_m: Positive
+    """Distance between the axles in m."""
 
 
 class CarStart(PoseStart):
     """Where the car's rear axle starts."""
 
-    steering_deg: SteeringDeg = Field(0.0, description="Steering angle in degrees.")
+    steering_deg: SteeringDeg = 0.0
+    """Steering angle in degrees."""
 
 
 class CarGoal(PoseGoal):
     """Where the car's rear axle ends."""
 
-    steering_deg: SteeringDeg = Field(0.0, description="Steering angle in degrees.")
+    steering_deg: SteeringDeg = 0.0
+    """Steering angle in degrees."""
 
 
 class CarLimits(VehicleLimits):
@@ -207,15 +208,12 @@ class CarLimits(VehicleLimits):
     inputs = "speed_m_s", "steering_rate_rad_s"
     rates = "acceleration_m_s2", "steering_acceleration_rad_s2"
 
-    steering_rate_rad_s: Positive | None = Field(
-        None, description="Largest steering rate in rad/s."
-    )
-    steering_acceleration_rad_s2: Positive | None = Field(
-        None, description="Largest rate of the steering rate in rad/s^2.", examples=[2.0]
-    )
-    steering_deg: Annotated[float, Field(gt=0, lt=90)] | None = Field(
-        None, description="Largest |steering angle| in degrees, below 90."
-    )
+    steering_rate_rad_s: Positive | None = None
+    """Largest steering rate in rad/s."""
+    steering_acceleration_rad_s2: Positive | None = Field(None, examples=[2.0])
+    """Largest rate of the steering rate in rad/s^2."""
+    steering_deg: Annotated[float, Field(gt=0, lt=90)] | None = None
+    """Largest |steering angle| in degrees, below 90."""
 
 
 class CarFile(VehicleFile):
@@ -241,10 +239,10 @@ class TrailersTable(Table):
     """Constants of the car and its trailers."""
 
     kind: Literal["trailers"]
-    wheelbase_m: Positive = Field(description="Distance between the car's axles in m.")
-    trailer_lengths_m: Annotated[list[Positive], Field(min_length=1, max_length=8)] = Field(
-        description="From each hitch to the axle of the trailer behind it, in m, in order."
-    )
+    wheelbase_m: Positive
+    """Distance between the car's axles in m."""
+    trailer_lengths_m: Annotated[list[Positive], Field(min_length=1, max_length=8)]
+    """From each hitch to the axle of the trailer behind it, in m, in order."""
 
 
 class TrailersStart(CarStart):
@@ -262,9 +260,8 @@ class TrailersGoal(CarGoal):
 class TrailersLimits(CarLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
-    hitch_deg: _HitchLimit | list[_HitchLimit] | None = Field(
-        None, description="Largest |hitch angle| in degrees: one number, or one per trailer."
-    )
+    hitch_deg: _HitchLimit | list[_HitchLimit] | None = None
+    """Largest |hitch angle| in degrees: one number, or one per trailer."""
 
 
 class TrailersFile(VehicleFile):
@@ -303,10 +300,10 @@ class UnicycleTable(Table):
 class UnicycleLimits(VehicleLimits):
     """Limits every plan must keep at all times; each may be left out."""
 
-    turn_rate_rad_s: Positive | None = Field(None, description="Largest turn rate in rad/s.")
-    turn_acceleration_rad_s2: Positive | None = Field(
-        None, description="Largest rate of the turn rate in rad/s^2.", examples=[2.0]
-    )
+    turn_rate_rad_s: Positive | None = None
+    """Largest turn rate in rad/s."""
+    turn_acceleration_rad_s2: Positive | None = Field(None, examples=[2.0])
+    """Largest rate of the turn rate in rad/s^2."""
 
 
 class UnicycleFile(VehicleFile):

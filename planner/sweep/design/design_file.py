@@ -35,22 +35,26 @@ AngleRange = Annotated[list[AngleDeg], Field(min_length=2, max_length=2)]
 class VariablesTable(Table):
     """Design variables of a mechanism; each variable that is not given is as in `[gear]`."""
 
-    rho: Positive | None = Field(None, description="r1/(lambda R); sets r1.")
-    kappa: Positive | None = Field(None, description="lambda R/(eta r3); sets r3.")
-    r1: Positive | None = Field(None, description="Radius of disk B.")
-    R: Positive | None = Field(None, description="From the axle of disk A to its driving contact.")
-    r3: Positive | None = Field(
-        None, description="From the axle of disk A' to the joint's contact."
-    )
-    lam: Positive | None = Field(None, alias="lambda", description="Bevel and spur gear ratio.")
-    eta: Positive | None = Field(None, description="Timing belt ratio.")
-    joints: Joints | None = Field(None, description="Number of joints.")
-    contact_force_n: Positive | None = Field(
-        None, description="Friction force mu N of one contact in N, with lengths in metres."
-    )
-    link_lengths: list[Positive] | None = Field(
-        None, description="Distances between joints and to the tip, in the unit of the radii."
-    )
+    rho: Positive | None = None
+    """r1/(lambda R); sets r1."""
+    kappa: Positive | None = None
+    """lambda R/(eta r3); sets r3."""
+    r1: Positive | None = None
+    """Radius of disk B."""
+    R: Positive | None = None
+    """From the axle of disk A to its driving contact."""
+    r3: Positive | None = None
+    """From the axle of disk A' to the joint's contact."""
+    lam: Positive | None = Field(None, alias="lambda")
+    """Bevel and spur gear ratio."""
+    eta: Positive | None = None
+    """Timing belt ratio."""
+    joints: Joints | None = None
+    """Number of joints."""
+    contact_force_n: Positive | None = None
+    """Friction force mu N of one contact in N, with lengths in metres."""
+    link_lengths: list[Positive] | None = None
+    """Distances between joints and to the tip, in the unit of the radii."""
 
     @model_validator(mode="after")
     def _check_ratios(self) -> VariablesTable:
@@ -66,26 +70,25 @@ VARIABLES = [field.alias or name for name, field in VariablesTable.model_fields.
 class PairTable(Table):
     """One task of a design study: start and goal."""
 
-    start_deg: list[AngleDeg] = Field(description="Joint angles at the start, degrees.")
-    goal_deg: list[AngleDeg] = Field(description="Joint angles at the goal, degrees.")
+    start_deg: list[AngleDeg]
+    """Joint angles at the start, degrees."""
+    goal_deg: list[AngleDeg]
+    """Joint angles at the goal, degrees."""
 
 
 class TasksTable(Table):
     """Tasks of a design study: pairs of start and goal, given or drawn."""
 
-    pairs: list[PairTable] = Field(
-        default_factory=list, max_length=MAX_TASKS, description="Given pairs."
-    )
-    count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = Field(
-        None, description="Number of pairs to draw; a larger number starts with the same pairs."
-    )
-    seed: Whole = Field(0, description="Seed of the draws.")
-    start_deg: AngleRange | None = Field(
-        None, description="[low, high]: start of every joint, degrees, uniform."
-    )
-    goal_deg: AngleRange | None = Field(
-        None, description="[low, high]: goal of every joint, degrees, uniform."
-    )
+    pairs: list[PairTable] = Field(default_factory=list, max_length=MAX_TASKS)
+    """Given pairs."""
+    count: Annotated[int, Field(ge=1, le=MAX_TASKS)] | None = None
+    """Number of pairs to draw; a larger number starts with the same pairs."""
+    seed: Whole = 0
+    """Seed of the draws."""
+    start_deg: AngleRange | None = None
+    """[low, high]: start of every joint, degrees, uniform."""
+    goal_deg: AngleRange | None = None
+    """[low, high]: goal of every joint, degrees, uniform."""
 
     @model_validator(mode="after")
     def _check_source(self) -> TasksTable:
@@ -108,8 +111,10 @@ class TasksTable(Table):
 class MachinesTable(Table):
     """Emulated machines on which every plan is replayed."""
 
-    samples: Annotated[int, Field(ge=2, le=100_000)] = Field(50, description="Machines per plan.")
-    seed: Whole = Field(0, description="Seed of the machines, the same for every design.")
+    samples: Annotated[int, Field(ge=2, le=100_000)] = 50
+    """Machines per plan."""
+    seed: Whole = 0
+    """Seed of the machines, the same for every design."""
 
 
 class DesignFile(Table):
@@ -119,54 +124,45 @@ class DesignFile(Table):
     one unit.
     """
 
-    title: str = Field("", description="The question of the study, one line.")
-    problem: str | dict[str, Any] = Field(
-        description="Common to all designs: a problem file of an arm with friction disks, relative"
-        " to the design file, or its tables. Its duration, limits and machine apply to every task;"
-        " without [tasks], its start and goal are the only task."
-    )
-    changes: dict[str, Any] = Field(
-        default_factory=dict, alias="set", description="Dotted keys of the problem to change."
-    )
+    title: str = ""
+    """The question of the study, one line."""
+    problem: str | dict[str, Any]
+    """Common to all designs: a problem file of an arm with friction disks, relative to the design
+    file, or its tables. Its duration, limits and machine apply to every task; without [tasks], its
+    start and goal are the only task."""
+    changes: dict[str, Any] = Field(default_factory=dict, alias="set")
+    """Dotted keys of the problem to change."""
     methods: Annotated[list[str], Field(min_length=1)] = Field(
-        default_factory=lambda: ["collocation", "polynomial"],
-        description="Methods. The figures describe the plans of the first method; for the others"
-        " only the number of solved tasks is given.",
+        default_factory=lambda: ["collocation", "polynomial"]
     )
-    compensated: bool = Field(
-        True, description="Whether to compensate the first method's plans for the machine too."
-    )
-    gear: GearTable | None = Field(
-        None,
-        description="The base mechanism of all designs. Default: the problem's; for a problem that"
-        " gives K and k_g, a mechanism with lambda = eta = R = 1 and the same kinematics.",
-    )
-    present: bool = Field(True, description="Whether the study includes the base mechanism itself.")
-    cases: list[dict[str, Any]] = Field(
-        default_factory=list, description="Rows of design variables that go together."
-    )
+    """Methods. The figures describe the plans of the first method; for the others only the number
+    of solved tasks is given."""
+    compensated: bool = True
+    """Whether to compensate the first method's plans for the machine too."""
+    gear: GearTable | None = None
+    """The base mechanism of all designs. Default: the problem's; for a problem that gives K and
+    k_g, a mechanism with lambda = eta = R = 1 and the same kinematics."""
+    present: bool = True
+    """Whether the study includes the base mechanism itself."""
+    cases: list[dict[str, Any]] = Field(default_factory=list)
+    """Rows of design variables that go together."""
     grid: dict[str, Annotated[list[Any], Field(min_length=1)] | Range] = Field(
         default_factory=dict,
         description=f"Design variables ({', '.join(VARIABLES)}), each with a list of values or a"
         " range.",
     )
-    clearance: Annotated[float, Field(ge=0)] = Field(
-        0.0, description="Clearance that disks and wheels need beyond their radii."
-    )
-    contact_force_n: Positive | None = Field(
-        None,
-        description="Friction force mu N of one contact in N, with lengths in metres: a contact of"
-        " a design transmits this times r1. Default: every design has the same capacity,"
-        " machine.friction_capacity_nm, as if contacts of smaller disks were pressed harder.",
-    )
-    tasks: TasksTable | None = Field(None, description="The tasks of the arm.")
+    clearance: Annotated[float, Field(ge=0)] = 0.0
+    """Clearance that disks and wheels need beyond their radii."""
+    contact_force_n: Positive | None = None
+    """Friction force mu N of one contact in N, with lengths in metres: a contact of a design
+    transmits this times r1. Default: every design has the same capacity,
+    machine.friction_capacity_nm, as if contacts of smaller disks were pressed harder."""
+    tasks: TasksTable | None = None
+    """The tasks of the arm."""
     replay: MachinesTable = Field(default_factory=MachinesTable)
-    front: Annotated[list[str], Field(min_length=1, max_length=6)] | None = Field(
-        None,
-        description="Figures to trade off: the Pareto front and the recommendation use these."
-        " Default: the error at the end (compensated, if plans are), motor torque, motor power and"
-        " contact_load.",
-    )
+    front: Annotated[list[str], Field(min_length=1, max_length=6)] | None = None
+    """Figures to trade off: the Pareto front and the recommendation use these. Default: the error
+    at the end (compensated, if plans are), motor torque, motor power and contact_load."""
 
 
 Task = tuple[list[float], list[float]]

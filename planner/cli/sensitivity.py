@@ -39,7 +39,7 @@ from planner.robustness.sensitivities import next_step, sensitivities, worth
 from planner.robustness.sensitivity import MEANINGS, Sensitivity
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, end_error, trade_off
-from planner.robustness.trade_off_points import KINDS
+from planner.robustness.trade_off_points import Kind
 from planner.solve import solve
 from planner.support.files import write_figure, write_text
 from planner.support.tables import CommandLine, csv_table
@@ -56,11 +56,10 @@ def sensitivity(
     ] = True,
     changes: Changes = None,
     pareto: Annotated[
-        str | None,
+        Kind | None,
         typer.Option(
             "--pareto",
             metavar="effort|duration|peak",
-            autocompletion=lambda: ["effort", "duration", "peak"],
             help="Trace the least sensitivity against this quantity; needs a problem and --out.",
         ),
     ] = None,
@@ -95,7 +94,10 @@ def sensitivity(
     with job("planning") as notice:
         plan = _plan(source, method, changes)
         notice("differentiating")
-        spread = spreads(plan.problem.system, design_errors(plan))
+        designed = plan.problem.methods.desensitised
+        if plan.method == "desensitised":
+            designed = parse(DesensitisedOptions, dict(plan.options), "options of the plan")
+        spread = spreads(plan.problem.system, designed)
         responses = analyse(plan)
         machine_responses = machine_sensitivity(plan) if machine else None
         heading = {"source": str(source), "method": plan.method, "duration_s": plan.duration}
@@ -136,16 +138,6 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     return finish(data, title, "", table, "", *words)
 
 
-def design_errors(plan: Plan) -> DesensitisedOptions:
-    """Return the options that contain the design errors.
-
-    They are those of which a desensitised plan was made; for other plans, those of the problem.
-    """
-    if plan.method == "desensitised":
-        return parse(DesensitisedOptions, dict(plan.options), "options of the plan")
-    return plan.problem.methods.desensitised
-
-
 def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     if not is_plan(source):
         return solve(read_problem(source, changes), method)
@@ -166,7 +158,7 @@ PICTURE_FILE, TABLE_FILE, KNEE_FILE = "trade-off.png", "trade-off.csv", "knee.js
 
 def run_trade_off(
     source: Path,
-    kind: str,
+    kind: Kind,
     points: int,
     machines: tuple[int, int],
     *,
@@ -180,17 +172,14 @@ def run_trade_off(
         NoPlanError: If the problem has no plan.
         Interruption: After Ctrl-C; finished points are kept.
     """
-    if kind not in KINDS:
-        raise InputError(f"--pareto {kind}: must be one of {', '.join(KINDS)}")
     if out is None:
         raise InputError("--pareto saves a plan for each point; give the folder with --out FOLDER")
     if is_plan(source):
         raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
-    axis = next(k for k in KINDS if k == kind)
     with explain_interruption("points", out), job() as progress:
         curve = trade_off(
-            problem, axis, points, out, samples=machines[0], seed=machines[1], progress=progress
+            problem, kind, points, out, samples=machines[0], seed=machines[1], progress=progress
         )
         write_figure(out / PICTURE_FILE, curve.plot())
         write_text(out / TABLE_FILE, csv_table(curve.columns, curve.points))

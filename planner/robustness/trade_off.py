@@ -106,7 +106,27 @@ class TradeOff:
     @property
     def columns(self) -> list[Column[TradeOffPoint]]:
         """The columns of the curve's tables."""
-        return _columns(self)
+        inputs = enumerate(self.problem.system.inputs)
+        heads = {"errors_alone": "errors", "machine": "machine", "compensated": "compensated"}
+        return [
+            Column("", "", lambda p: "knee" if p is self.knee else "", key="knee", left=True),
+            Column("effort", "", lambda p: p.effort, four_digits),
+            Column("time", "s", lambda p: p.duration_s, four_digits, key="duration"),
+            *(Column(f"|{u.name}|", "", partial(_peak, i), four_digits) for i, u in inputs),
+            Column("total", "deg", lambda p: p.total_deg, four_digits),
+            Column("passive", "deg", lambda p: p.passive_deg, four_digits),
+            Column("irreducible", "deg", lambda p: p.floor_deg, None),
+            Column("turns", "", lambda p: p.reversals, key="reversals"),
+            *(
+                Column(f"{head} 95 %", "deg", partial(end_error, k), four_digits, f"{k}_95_deg")
+                for k, head in heads.items()
+            ),
+            *(
+                Column(f"{k} {STATISTICS[key].title}", "deg", partial(end_error, k, key=key), None)
+                for k in ("machine", "compensated")
+                for key in ("E_p95_deg", "end_median_deg")
+            ),
+        ]
 
     def table(self) -> Table:
         """Return the points as a table for a terminal: `rich.print(curve.table())`."""
@@ -137,30 +157,6 @@ class TradeOff:
     def plot(self) -> Figure:
         """Draw the response of each point against its cost."""
         return draw_figure("robustness.plot_trade_off", self)
-
-
-def _columns(curve: TradeOff) -> list[Column[TradeOffPoint]]:
-    inputs = enumerate(curve.problem.system.inputs)
-    heads = {"errors_alone": "errors", "machine": "machine", "compensated": "compensated"}
-    return [
-        Column("", "", lambda p: "knee" if p is curve.knee else "", key="knee", left=True),
-        Column("effort", "", lambda p: p.effort, four_digits),
-        Column("time", "s", lambda p: p.duration_s, four_digits, key="duration"),
-        *(Column(f"|{u.name}|", "", partial(_peak, i), four_digits) for i, u in inputs),
-        Column("total", "deg", lambda p: p.total_deg, four_digits),
-        Column("passive", "deg", lambda p: p.passive_deg, four_digits),
-        Column("irreducible", "deg", lambda p: p.floor_deg, None),
-        Column("turns", "", lambda p: p.reversals, key="reversals"),
-        *(
-            Column(f"{head} 95 %", "deg", partial(end_error, kind), four_digits, f"{kind}_95_deg")
-            for kind, head in heads.items()
-        ),
-        *(
-            Column(f"{k} {STATISTICS[key].title}", "deg", partial(end_error, k, key=key), None)
-            for k in ("machine", "compensated")
-            for key in ("E_p95_deg", "end_median_deg")
-        ),
-    ]
 
 
 def _peak(which: int, point: TradeOffPoint) -> float:

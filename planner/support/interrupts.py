@@ -239,31 +239,20 @@ def mute_lines(*words: str) -> Iterator[None]:
     if not _in_main_thread() or target is None:
         yield
         return
-    sieve = _LineFilter(target, words)
-    with redirect_stdout(cast(TextIO, sieve)):
-        try:
-            yield
-        finally:
-            sieve.end()
+    with redirect_stdout(cast(TextIO, _LineFilter(target, words))):
+        yield
 
 
 class _LineFilter:
     """A stream that passes on lines, except those with certain words."""
 
     def __init__(self, stream: TextIO, words: tuple[str, ...]) -> None:
-        self._stream, self._words, self._begun = stream, words, ""
+        self._stream, self._words = stream, words
 
     def write(self, text: str) -> int:
-        *lines, self._begun = (self._begun + text).split("\n")
-        for line in lines:
-            if not any(word in line for word in self._words):
-                self._stream.write(f"{line}\n")
+        kept = [t for t in text.splitlines(keepends=True) if not any(w in t for w in self._words)]
+        self._stream.write("".join(kept))
         return len(text)
-
-    def end(self) -> None:
-        """Write the last line if it has no newline."""
-        if self._begun:
-            self._stream.write(self._begun)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

@@ -50,7 +50,7 @@ from planner.plan.plan import Plan
 from planner.report.folders import save, save_budget
 from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.budget import Budget, error_budgets
-from planner.robustness.sobol import refuse_without_salib
+from planner.robustness.sobol import find_salib
 from planner.support.tables import CommandLine
 from planner.verification.verdict import load_plan
 
@@ -169,7 +169,7 @@ def _refuse_early(out: Path | None, budget: bool, report: bool) -> None:
     if report and out is None:
         raise InputError("--report needs a folder: add --out FOLDER")
     if budget:
-        refuse_without_salib()
+        find_salib()
     refuse_unwritable_folder(out)
 
 
@@ -238,7 +238,7 @@ def budget(
       planner budget plan.json --samples 500 --base 512
       planner budget plan.json --feedback    # effects of encoders too
     """
-    refuse_without_salib()
+    find_salib()
     named = join_methods(methods)
     refuse_unwritable_folder(out)
     plans = _plans(subject, named, changes)

@@ -171,6 +171,8 @@ class Comparison(Frozen):
         """
         names = column_names(self.problem.system)
         hidden = {names[name] for name in NOT_IN_TERMINALS}
+        tries = {label: f" Try: {advice}" for label, advice in self.advice.items()}
+        told = [f"{r.label}: {r.remark}.{tries.get(r.label, '')}" for r in self.rows if r.remark]
         return terminal_table(
             [
                 replace(c, value=lambda row: "yes" if row.solved else "no")
@@ -180,30 +182,22 @@ class Comparison(Frozen):
                 if c.name not in hidden
             ],
             self.rows,
-            caption="\n".join([*self._remarks(), _caption(self, terminal=True)]),
+            caption="\n".join([*told, _caption(self, terminal=True)]),
             ruled=True,
             dim=lambda row: not row.solved,
         )
 
     def _repr_html_(self) -> str:
         """Return the comparison's table as HTML for a notebook."""
-        table = html_table(self._advised_columns(), self.rows, self.problem.name)
-        return f"{table}<p><small>{escape(_caption(self))}</small></p>"
-
-    def _remarks(self) -> list[str]:
-        """Return a line for each row with a remark, followed by the advice for a refused plan."""
-        tries = {label: f" Try: {advice}" for label, advice in self.advice.items()}
-        lines = ((row.label, row.remark) for row in self.rows if row.remark)
-        return [f"{label}: {remark}.{tries.get(label, '')}" for label, remark in lines]
-
-    def _advised_columns(self) -> list[Column[Row]]:
-        """Return the table's columns, with the advice of each row below its verdict."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
-
-        def advice_text(row: Row) -> str:
-            return verdict(row) + tries.get(row.label, "")
-
-        return [replace(c, value=advice_text) if c.value is verdict else c for c in self.columns]
+        advised = [
+            replace(c, value=lambda row: verdict(row) + tries.get(row.label, ""))
+            if c.value is verdict
+            else c
+            for c in self.columns
+        ]
+        table = html_table(advised, self.rows, self.problem.name)
+        return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
     def markdown(self) -> str:
         """Return the comparison as Markdown: headline, table, and the command that repeats it."""

@@ -13,7 +13,6 @@ from planner.support.package import Table
 from planner.support.statistics import Difference
 from planner.support.tables import (
     Column,
-    csv_table,
     csv_text,
     markdown,
     markdown_table,
@@ -164,8 +163,3 @@ def csv_machines(comparison: Comparison) -> str:
         for k, errors in enumerate(row.machine_errors_deg.T.tolist())
     ]
     return csv_text([("plan", "machine", "E_deg", "end_deg"), *rows])
-
-
-def csv_differences(comparison: Comparison) -> str:
-    """Return the differences of all pairs of plans as CSV, in full precision."""
-    return csv_table(COLUMNS, pairs(comparison))

@@ -119,9 +119,11 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[
     if not np.isfinite(row.E_median_deg):
         least = f": of {len(solved)} verified plans it has the least effort."
         return "Take ", row.label, least + refused
-    plain = next((r for r in solved if r is not row and r.spec == row.spec.plain), None)
-    rival = _rival(row, solved)
-    other = plain or rival or min((r for r in solved if r is not row), key=_median)
+    others = [r for r in solved if r is not row]
+    plain = next((r for r in others if r.spec == row.spec.plain), None)
+    peers = [r for r in others if r.spec.compensated == row.spec.compensated]
+    rival = min(peers, key=_median, default=None)
+    other = plain or rival or min(others, key=_median)
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     loses = row.end_median_deg > other.end_median_deg
@@ -139,13 +141,6 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[
 
 def _median(row: Row) -> float:
     return float(np.nan_to_num(row.E_median_deg, nan=np.inf))
-
-
-def _rival(row: Row, solved: list[Row]) -> Row | None:
-    """Return the best other plan of the same kind (compensated or not); None if there is none."""
-    alike = (r for r in solved if r.spec.compensated == row.spec.compensated)
-    peers = [r for r in alike if r is not row]
-    return min(peers, key=_median, default=None)
 
 
 def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison, command, comparison_csv
-from planner.comparison.differences import csv_differences, csv_machines, markdown_differences
+from planner.comparison.differences import COLUMNS, csv_machines, markdown_differences, pairs
 from planner.errors import InputError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -92,7 +92,7 @@ def save(
         write_text(place / "table.csv", comparison_csv(comparison))
         if comparison.differences:
             write_text(place / "differences.md", markdown_differences(comparison))
-            write_text(place / "differences.csv", csv_differences(comparison))
+            write_text(place / "differences.csv", csv_table(COLUMNS, pairs(comparison)))
             write_text(place / "machines.csv", csv_machines(comparison))
         for row, file in zip(data["rows"], _write_plans(comparison, place), strict=True):
             row["plan_file"] = file
@@ -159,12 +159,6 @@ def _write_plans(comparison: Comparison, place: Path) -> list[str | None]:
 
 def _file_name(label: str) -> str:
     return re.sub(r"[^\w.=+-]+", "-", label).strip("-")
-
-
-def _write_figures(comparison: Comparison, place: Path) -> None:
-    (place / "figures").mkdir()
-    for name, figure in comparison.figures().items():
-        save_figure(figure, place / "figures" / name)
 
 
 def save_figure(figure: Figure, stem: Path) -> None:
@@ -337,3 +331,9 @@ def _csv(responses: Sensitivity) -> str:
     for c, row in zip(responses.plan.problem.system.coordinates, responses.terminal, strict=True):
         rows.append([f"{c.name} ({c.unit})", *(f"{value:.10g}" for value in row)])
     return csv_text(rows)
+
+
+def _write_figures(comparison: Comparison, place: Path) -> None:
+    (place / "figures").mkdir()
+    for name, figure in comparison.figures().items():
+        save_figure(figure, place / "figures" / name)

@@ -111,7 +111,7 @@ def check(base: int) -> None:
     """
     if base < 2 or base & (base - 1):
         raise InputError(f"base = {base}: must be a power of 2, such as 128 or 256")
-    _salib()
+    find_salib()
 
 
 def indices(
@@ -129,7 +129,7 @@ def indices(
         InputError: If SALib is missing or `base` is not a power of 2.
     """
     check(base)
-    sample, analyze = _salib()
+    sample, analyze = find_salib()
     if not sizes:
         return {}
     owner = [name for name, size in sizes.items() for _ in range(size)]
@@ -220,16 +220,12 @@ def switch_off(draws: Draws, off: Mapping[str, Array]) -> Draws:
     return replace(draws, values=values)
 
 
-def refuse_without_salib() -> None:
-    """Refuse a missing SALib; call this before long work.
+def find_salib() -> tuple[Any, Any]:
+    """Return SALib's functions that sample and analyse; call this before long work, too.
 
     Raises:
         InputError: If SALib is missing.
     """
-    _salib()
-
-
-def _salib() -> tuple[Any, Any]:
     try:
         from SALib.analyze import sobol as analysis
         from SALib.sample import sobol as sampling

@@ -10,7 +10,7 @@ import difflib
 import inspect
 import reprlib
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import islice, pairwise
 from typing import Annotated, Any, TypeVar, get_args
@@ -124,7 +124,9 @@ def _explain(model: type[BaseModel], data: Any, errors: Sequence[Any]) -> list[s
     for error in errors:
         grouped.setdefault(_path(data, error), []).append(error)
     above = {path[:k] for path in grouped for k in range(len(path))}
-    faults = {p: e for p, e in grouped.items() if not _has_faulty_entry(p, e, above)}
+    # An error of a list is left out if it lies in an entry, which has an error of its own.
+    own = {p: any(e["type"] == "value_error" for e in group) for p, group in grouped.items()}
+    faults = {p: e for p, e in grouped.items() if p not in above or own[p]}
     typos = _typos(model, faults)
     reported = {p: e for p, e in faults.items() if e[0]["type"] != "missing" or p not in typos}
     lines = [_line(model, path, group) for path, group in islice(reported.items(), MOST_ERRORS)]
@@ -160,11 +162,6 @@ def _contains(data: Any, part: Any) -> bool:
     if isinstance(data, Mapping):
         return part in data
     return isinstance(data, list) and isinstance(part, int) and part < len(data)
-
-
-def _has_faulty_entry(path: Path, errors: Sequence[Any], above: Collection[Path]) -> bool:
-    """Return whether the error lies in an entry of the list at `path`, not in the list itself."""
-    return path in above and all(e["type"] != "value_error" for e in errors)
 
 
 def _typos(model: type[BaseModel], grouped: Mapping[Path, Any]) -> set[Path]:

@@ -10,11 +10,13 @@ from compared import paper_comparison
 from printed import printed
 
 from planner.comparison.differences import (
-    csv_differences,
+    COLUMNS,
     csv_machines,
     markdown_differences,
+    pairs,
     rich_differences,
 )
+from planner.support.tables import csv_table
 
 
 def test_markdown_names_every_pair_and_what_it_says() -> None:
@@ -28,7 +30,7 @@ def test_markdown_names_every_pair_and_what_it_says() -> None:
 
 def test_csv_keeps_full_precision() -> None:
     result = paper_comparison()
-    rows = list(csv.DictReader(io.StringIO(csv_differences(result))))
+    rows = list(csv.DictReader(io.StringIO(csv_table(COLUMNS, pairs(result)))))
     for row, made in zip(rows, result.differences, strict=True):
         assert (row["first"], row["second"]) == (made.first, made.second)
         assert float(row["median_deg"]) == made.median_deg

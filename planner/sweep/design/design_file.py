@@ -23,7 +23,7 @@ from planner.support.files import read_toml
 from planner.support.tables import line, number
 from planner.support.user_tables import Positive, Table, allowed_hint, parse
 from planner.sweep.description import base_problem, plain_tables
-from planner.sweep.design.figures import DesignFigure, default_front, figures_of
+from planner.sweep.design.figures import CONTACT_LOAD, DesignFigure, figures_of
 from planner.sweep.design.geometry import Design, design, gear_of, gear_table
 from planner.sweep.sweep_file import Point, Range, SweepFile, Whole, points, varied_keys
 from planner.systems.manipulator import Gear, Manipulator, stage_gears
@@ -266,7 +266,10 @@ def read_design(source: Mapping[str, Any] | str | Path) -> StudyInput:
     if table.compensated:
         methods.append(replace(specs[0], compensated=True).label)
     figures = {figure.key: figure for figure in figures_of(methods, table.compensated)}
-    front = table.front or default_front(table.compensated)
+    # Not the effort, which depends on rates only: a gear that turns the disks less has less effort,
+    # whatever torque the motor needs.
+    end = "compensated_end_deg" if table.compensated else "end_deg"
+    front = table.front or [end, "motor_torque_nm", "motor_power_w", CONTACT_LOAD]
     for key in front:
         if key not in figures:
             raise InputError(

@@ -92,16 +92,6 @@ DESIGN_FIGURES = (
 """Figures of a design study; `figures_of` adds the solved tasks and the least link."""
 
 
-def default_front(compensated: bool) -> list[str]:
-    """Return the default figures to trade off: error at the end, motor torque and power, contacts.
-
-    Effort is left out because it depends on rates only: a gear that turns the disks less has less
-    effort, whatever torque the motor needs.
-    """
-    end = "compensated_end_deg" if compensated else "end_deg"
-    return [end, "motor_torque_nm", "motor_power_w", CONTACT_LOAD]
-
-
 def figures_of(methods: Sequence[str], compensated: bool) -> tuple[DesignFigure, ...]:
     """Return the figures of a study; `methods` are the methods' names as written in its file."""
     figures = [f for f in DESIGN_FIGURES if compensated or not f.key.startswith("compensated_")]

@@ -112,7 +112,7 @@ class Comparison(Frozen):
     @cached_property
     def headline_parts(self) -> tuple[str, str, str]:
         """The headline before, at and after the first mention of the recommended plan's label."""
-        start, label, rest = headline(self.rows, self.threshold_deg, self.machine.fidelity)
+        start, label, rest = headline(self.rows, self.threshold_deg, self.machine)
         partial = "" if self.complete else "Interrupted: only the finished rows count. "
         worth = self.machine.worth
         known = "" if worth is None else f"The machine was identified: {worth.words}. "

@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.comparison.rows import Row
 from planner.machine.feedforward.legs import compensable
+from planner.machine.machine import Machine
 from planner.plan.measures import effort_unit
 from planner.support.statistics import Difference, differences
 from planner.support.tables import number
@@ -90,7 +91,7 @@ def _worse_than(
     return out - {row.label}
 
 
-def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[str, str, str]:
+def headline(rows: Sequence[Row], threshold_deg: float, machine: Machine) -> tuple[str, str, str]:
     """Return as plain text which plan to take, why, and what this plan costs.
 
     The text has three parts: the first mention of that plan's label, and what is before and after
@@ -99,7 +100,8 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[
     Args:
         rows: The rows of a comparison.
         threshold_deg: A smaller difference of E does not matter, degrees.
-        fidelity: Fidelity of the machines, such as "dynamic"; the errors of an arm depend on it.
+        machine: The machines of the replays; the errors of an arm depend on their fidelity and on
+            how they stood before the start.
     """
     row, solved = recommend(rows, threshold_deg), _solved(rows)
     if row is None and solved:
@@ -129,7 +131,7 @@ def headline(rows: Sequence[Row], threshold_deg: float, fidelity: str) -> tuple[
     loses = row.end_median_deg > other.end_median_deg
     reason += " but" if loses and row.E_median_deg <= other.E_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
-    reason += f" end{_fidelity(row, fidelity)}."
+    reason += f" end{_machines(row, machine)}."
     if other is not rival and (costs := _costs(row, other)):
         reason += f" {row.label} takes {costs}."
     if rival is not None:
@@ -161,12 +163,13 @@ def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:
     return f" The paired test finds {least} between {row.label} and {name}{more}."
 
 
-def _fidelity(row: Row, fidelity: str) -> str:
-    """Return words that say whether the machines of an arm have inertia; "" for other systems."""
+def _machines(row: Row, machine: Machine) -> str:
+    """Return words that say on which machines of an arm a figure holds: whether they have inertia,
+    and how they stood before the start; "" for other systems."""
     if row.plan is None or not compensable(row.plan.problem.system):
         return ""
-    inertia = "with" if fidelity == "dynamic" else "without"
-    return f", on machines {inertia} inertia ({fidelity})"
+    inertia = "with" if machine.fidelity == "dynamic" else "without"
+    return f", on machines {inertia} inertia ({machine.fidelity}), {machine.start_words}"
 
 
 def _swing(row: Row) -> str:

@@ -39,6 +39,10 @@ PLAIN, DEFAULT = "as it is", "correction, forward preparation, backing off (the 
 RANDOM = {3: (23, 15.0, 7), 4: (7, 35.0, 7)}
 """Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
 starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
+FEW = 10
+"""Machines whose pose is read and for each of which a plan is then made."""
+NEXT = {"back": [1.0, 1.0, 1.0], "on": [40.0, 26.0, 9.0]}
+"""Goals after that of the paper, degrees: the start of the paper, and another; in 20 s."""
 METHODS = {"polynomial": {"points": "auto"}, "sinusoid": {}, "collocation": {}}
 CAPACITIES_NM = (0.5, 1.0, 2.5, 5.0)
 """Beside that of the preset: over the range of typical parts, see results/calibration."""
@@ -203,6 +207,48 @@ class Study:
                 cells.append([f"{method}{label}, E", *(pair(r.index_E_deg) for r in runs)])
                 cells.append(["end", *(pair(r.terminal_E_deg) for r in runs)])
         return table(["plan", *states], cells)
+
+    def moved(self) -> str:
+        """An arm that has just run the compensated plan of the paper, at its next goal."""
+        last, cells = self.better, []
+        before = self.run(last)
+        few = planner.replay(last, self.machine, FEW, SEED)
+        poses = np.rad2deg(few.q[:, -1, 1:])
+        changes = {"goal.travel": "free", "goal.duration": 20.0, "limits.z2_margin": None}
+        free = last.problem.changed({**changes, "compensation.on": True})
+        for words, goal in NEXT.items():
+            task = free.changed({"goal.theta_deg": goal})
+
+            def plan(asked: planner.Problem) -> Plan:
+                return planner.solve(asked, "collocation")
+
+            for label, asked in {
+                "not told": task.from_pose(last.notes["end_theta_deg"]),
+                "told (`--after last.json`)": task.after(last),
+            }.items():
+                run = planner.replay(plan(asked), self.machine, self.samples, SEED, after=before)
+                ends = [pair(run.index_E_deg), pair(run.terminal_E_deg)]
+                cells.append([words, label, str(self.samples), f"{run.plan.duration:.1f}", *ends])
+            ways: dict[str, Plan | None] = {"not told, pose read": None}
+            ways["told, pose read (`--after last.json --pose-from run.csv`)"] = last
+            here = task.from_pose(last.notes["end_theta_deg"])
+            ways["seated, pose read"] = planner.seating(here, self.machine)
+            ways["homed, pose read"] = planner.homing(here)
+            for label, motion in ways.items():
+                errors, took = [], []
+                for k in range(FEW):
+                    run, pose, spent = few, poses[k], 0.0
+                    if motion is not None and motion is not last:
+                        rule = planner.HomingRule() if "until" in motion.notes else False
+                        run = planner.replay(motion, self.machine, [k], SEED, rule, after=few)
+                        pose, spent = np.rad2deg(run.q[0, -1, 1:]), float(motion.duration)
+                    asked = task.from_pose(pose) if motion is None else task.after(motion, pose)
+                    end = planner.replay(plan(asked), self.machine, [k], SEED, after=run)
+                    errors.append([end.index_E_deg[0], end.terminal_E_deg[0]])
+                    took.append(spent + end.plan.duration)
+                ends = [pair(each) for each in np.transpose(errors)]
+                cells.append([words, label, str(FEW), f"{np.median(took):.1f}", *ends])
+        return table(["next goal", "the plan", "machines", "s", "E", "end"], cells)
 
     def random(self, joints: int) -> str:
         """Random plans whose drive turns back: each, the median and the largest of all."""
@@ -371,6 +417,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             three=study.random(3),
             four=study.random(4),
             starts=study.starts(),
+            moved=study.moved(),
             widths=study.widths(),
             capacities=study.capacities(),
             provenance=provenance("make compensation"),

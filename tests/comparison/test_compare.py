@@ -127,7 +127,9 @@ def test_of_plans_that_the_test_cannot_tell_apart_the_cheapest_is_taken(
     assert (
         f"{dear.label} (E {number(less)} deg), which takes 4 rad²/s of effort instead of" in words
     )
-    assert "on machines without inertia (quasi-static)" in words
+    assert "on machines without inertia (quasi-static), unwound at the start." in words
+    homed = replace(result, machine=planner.Machine.prototype(start_state="forward"))
+    assert "inertia (quasi-static), forward at the start." in homed.headline
     table = " ".join(printed(rich_differences(result)))
     assert f"{COMPENSATED} against the others" in " ".join(table.split())
 
@@ -224,12 +226,12 @@ def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.C
     why, ways = "goal theta2 reaches 0.164 deg, allowed 0", ("more time", "no compensation")
     refused = replace(better, solved=False, why=why, ways=ways)
     assert refused.advice == "more time; or no compensation"
-    words = "".join(headline([plain, refused], compensated.threshold_deg, "quasi-static"))
+    words = "".join(headline([plain, refused], compensated.threshold_deg, compensated.machine))
     assert words.startswith(f"Take {plain.label}: the only plan that reaches the goal")
     ends = [number(row.end_median_deg) for row in (better, plain)]
     assert f"{better.label} ({why}): E {number(better.E_median_deg)} deg instead of" in words
     assert words.endswith(f"{ends[0]} deg instead of {ends[1]} deg at the end. Try: more time.")
-    assert "refused" not in "".join(headline([plain, refused], 100.0, "quasi-static"))
+    assert "refused" not in "".join(headline([plain, refused], 100.0, compensated.machine))
 
 
 def test_a_compensated_plan_is_compared_on_the_path_it_compensates(

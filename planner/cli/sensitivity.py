@@ -198,7 +198,7 @@ def _knee(curve: TradeOff) -> str:
     first, k = curve.points[0], curve.knee
     text = (
         f"{curve.problem.name}: {knee_sentence(curve)}; total {number(k.total_deg)} deg instead of"
-        f" {number(first.total_deg)}, of it irreducible {number(k.floor_deg)}.\n"
+        f" {number(first.total_deg)}, of it the floor {number(k.floor_deg)}.\n"
         "The knee lies farthest below the chord between the curve's ends. Errors are the largest"
         " joint error at the end: under the design errors alone, and on the problem's machine, with"
         " the plan as it is and with the plan compensated. Turns: how often the drive reverses."
@@ -214,7 +214,9 @@ def _use(curve: TradeOff, file: Path) -> list[str]:
     lines = []
     if k is not first:
         price = curve.cost[curve.knee_index] / curve.cost[0]
-        lines = [f"The knee: {worth(first.total_deg, k.total_deg, price, curve.kind)}."]
+        lines = [
+            f"The knee: {worth(first.total_deg, k.total_deg, k.floor_deg, price, curve.kind)}."
+        ]
     before, after = (end_error("compensated", p) for p in (first, k))
     if before and after:
         change = f"{number(before)} deg at the first point, {number(after)} at the knee"

@@ -396,7 +396,8 @@ class Statistic:
 
 ERRORS = {
     "E": MotionError(
-        "largest joint error on the machine at any time (eq. 29)", lambda run: run.index_E_deg
+        "largest joint error on the machine at any time after the preparation (eq. 29)",
+        lambda run: run.index_E_deg,
     ),
     "end": MotionError(
         "largest joint error on the machine at the end", lambda run: run.terminal_E_deg

@@ -1,6 +1,6 @@
 """Compare the sensitivities of several plans of one problem.
 
-The irreducible part of each total depends only on start and goal. Plans differ in the passive
+The floor of each total depends only on start and goal. Plans differ in the passive
 block, which depends on the path.
 """
 
@@ -66,7 +66,7 @@ class Sensitivities(Frozen):
         least, most = min(blocks, key=lambda k: blocks[k]), max(blocks, key=lambda k: blocks[k])
         low, high = blocks[least], blocks[most]
         floors = [each.floor_deg(self.spread) for each in self.plans.values()]
-        floor = f"{_degrees(max(floors))} deg of each total is irreducible"
+        floor = f"{_degrees(max(floors))} deg of each total is the floor"
         if high - low <= ALIKE * low:
             return f"The passive block is {_degrees(low)} deg for every plan; {floor}."
         return (
@@ -84,7 +84,8 @@ class Sensitivities(Frozen):
         if calm == cheapest:
             text = f"{calm} has the smallest total and the least effort"
         else:
-            gain = worth(totals[cheapest], totals[calm], spent[calm] / spent[cheapest])
+            floor = self.plans[cheapest].floor_deg(self.spread)
+            gain = worth(totals[cheapest], totals[calm], floor, spent[calm] / spent[cheapest])
             text = f"{calm} instead of {cheapest}: {gain}"
         both = {label: self.plans[label].plan for label in (cheapest, calm)}
         step = next_step(both[cheapest].problem, *map(_spec, both, both.values()))
@@ -124,7 +125,7 @@ class Sensitivities(Frozen):
             Column("plan", "", lambda k: k, left=True, code=True),
             Column("passive block", "deg", lambda k: plans[k].passive_block_deg(spread), _degrees),
             Column("total", "deg", lambda k: plans[k].total_deg(spread), _degrees),
-            Column("irreducible", "deg", lambda k: plans[k].floor_deg(spread), _degrees),
+            Column("floor", "deg", lambda k: plans[k].floor_deg(spread), _degrees),
             Column("effort", effort_unit(self.system), spent, number),
             Column("turns", "", lambda k: len(turns(plans[k].plan.trajectory))),
         ]
@@ -151,20 +152,22 @@ class Sensitivities(Frozen):
         return draw_figure("robustness.plot_sensitivities", self)
 
 
-def worth(before: float, after: float, price: float, cost: str = "effort") -> str:
+def worth(before: float, after: float, floor: float, price: float, cost: str = "effort") -> str:
     """Return in words, without a full stop, whether a smaller response is worth its cost.
 
-    A response is worth its cost if it falls by a larger factor than the cost rises.
+    It is if the part that a plan can change falls by a larger factor than the cost rises.
 
     Args:
-        before: Response of the cheaper plan at the end, degrees.
-        after: Response of the other plan, degrees.
+        before: Total of the cheaper plan, degrees.
+        after: Total of the other plan, degrees.
+        floor: The part of both totals that no plan can change, degrees.
         price: Cost of the other plan, as a multiple of the cheaper plan's.
         cost: Name of the cost.
     """
+    before, after = (np.sqrt(max(total**2 - floor**2, 0.0)) for total in (before, after))
     worth_it = after * price < before
     return (
-        f"{'worth it' if worth_it else 'not worth it'}, the total falls by"
+        f"{'worth it' if worth_it else 'not worth it'}, the total above its floor falls by"
         f" {100 * (1 - after / before):.0f} % ({_degrees(before)} to {_degrees(after)} deg) for"
         f" {number(price, 2)} times the {cost}, a {'larger' if worth_it else 'smaller'} factor than"
         " the cost"

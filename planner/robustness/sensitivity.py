@@ -73,7 +73,7 @@ class Sensitivity(Frozen):
     def __repr__(self) -> str:
         return (
             f"Sensitivity({self.plan.method} plan, {len(self.parameters)} parameters: at the end"
-            f" {self.total_deg():.4g} deg, of it irreducible {self.floor_deg():.4g} deg, passive"
+            f" {self.total_deg():.4g} deg, of it the floor {self.floor_deg():.4g} deg, passive"
             f" block {self.passive_block_deg():.4g} deg)"
         )
 
@@ -107,7 +107,7 @@ class Sensitivity(Frozen):
 
     def floor_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
         """Return the part of `total_deg`, in degrees, that depends only on start and goal."""
-        return self._rss(spread, self.irreducible)
+        return self._rss(spread, self.floor)
 
     def passive_block_deg(self, spread: Mapping[str, float] = PAPER_SPREAD) -> float:
         """Return the response of θ₂ … θₙ to the start of θ₁ and the gain of u₂, in degrees.
@@ -146,7 +146,7 @@ class Sensitivity(Frozen):
         return np.asarray(np.rad2deg(np.sqrt(np.sum(response**2, axis=-1))))
 
     def table(self, spread: Mapping[str, float] = PAPER_SPREAD) -> Table:
-        """Return the responses to each `reference` as a table for `rich.print`; * is irreducible.
+        """Return the responses to each `reference` as a table for `rich.print`; * is the floor.
 
         Errors without a response are left out. The sums are below the table.
         """
@@ -157,7 +157,7 @@ class Sensitivity(Frozen):
             value = float(values[angle, p])
             if abs(value) < 5e-7:
                 return ""
-            return f"{value:.3g}{'*' if self.irreducible[self.angles[angle], p] else ' '}"
+            return f"{value:.3g}{'*' if self.floor[self.angles[angle], p] else ' '}"
 
         columns: list[Column[int]] = [
             Column("error", "", lambda p: self.parameters[p], left=True),
@@ -171,7 +171,7 @@ class Sensitivity(Frozen):
         least = 100 * (1 - floor / total) if total else 0.0
         caption = (
             f"One standard deviation of each of {', '.join(spread)}: total {number(total, 4)} deg."
-            f"\n* irreducible: {number(floor, 4)} deg."
+            f"\n* floor: {number(floor, 4)} deg."
             f"\nPassive block: {number(self.passive_block_deg(spread), 4)} deg.\n{MEANINGS}"
             f"\nAnother path reduces the total by at most {least:.0f} %."
         )
@@ -195,7 +195,7 @@ class Sensitivity(Frozen):
         names = [c.name for c in self.plan.problem.system.coordinates]
         angles = [names[i] for i in self.angles]
         contribution = self.contribution_deg(spread)
-        fixed = self.irreducible
+        fixed = self.floor
         columns = [
             {
                 "parameter": name,
@@ -203,7 +203,7 @@ class Sensitivity(Frozen):
                 "standard_deviation": float(self.standard_deviation(spread)[p]),
                 "reference": float(self.reference(spread)[p]),
                 "response_deg": dict(zip(angles, contribution[:, p].tolist(), strict=True)),
-                "irreducible": [names[i] for i in np.flatnonzero(fixed[:, p])],
+                "floor": [names[i] for i in np.flatnonzero(fixed[:, p])],
             }
             for p, name in enumerate(self.parameters)
         ]
@@ -225,7 +225,7 @@ class Sensitivity(Frozen):
         }
 
     @property
-    def irreducible(self) -> NDArray[np.bool_]:
+    def floor(self) -> NDArray[np.bool_]:
         """Mask (N, P) of the entries of S(T) that depend only on start and goal.
 
         The rate of q₂, and of each θᵢ of the arms, does not depend on that coordinate itself, so an

@@ -115,7 +115,7 @@ class TradeOff:
             *(Column(f"|{u.name}|", "", partial(_peak, i), four_digits) for i, u in inputs),
             Column("total", "deg", lambda p: p.total_deg, four_digits),
             Column("passive", "deg", lambda p: p.passive_deg, four_digits),
-            Column("irreducible", "deg", lambda p: p.floor_deg, None),
+            Column("floor", "deg", lambda p: p.floor_deg, None),
             Column("turns", "", lambda p: p.reversals, key="reversals"),
             *(
                 Column(f"{head} 95 %", "deg", partial(end_error, k), four_digits, f"{k}_95_deg")

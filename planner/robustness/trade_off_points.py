@@ -151,7 +151,7 @@ class TradeOffPoint(Frozen):
             block and terminal response, with the weights of [method.desensitised].
         passive_deg: Passive block.
         total_deg: Total terminal response.
-        floor_deg: Irreducible part of `total_deg`.
+        floor_deg: The part of `total_deg` that depends only on start and goal.
         reversals: How often the path coordinate reverses, by more than 2 % of its range.
         swept: Number of finished sweeps: 1 upwards, 2 also downwards.
         machine: Percentiles of errors on the problem's machine, degrees; None before the replay.

@@ -65,7 +65,7 @@ class Found:
         return out
 
 
-HEAD = ["turns", "passive block", "total", "irreducible"]
+HEAD = ["turns", "passive block", "total", "floor"]
 HEAD += ["E", "E compensated", "end", "end compensated"]
 
 

@@ -36,7 +36,7 @@ def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_p
     np.testing.assert_allclose(data["matrix"], found.terminal)
     assert data["passive_block_deg"] == pytest.approx(found.passive_block_deg())
     gain = next(p for p in data["parameters"] if p["parameter"] == "gain u1")
-    assert gain["irreducible"] == ["theta2"]
+    assert gain["floor"] == ["theta2"]
     assert gain["response_deg"]["theta2"] == pytest.approx(0.29)
     effects = {p["effect"] for p in data["machine"]["parameters"]}
     assert {"backlash_deg", "delay_s", "control_period_s", "gear_ratio_error"} <= effects
@@ -110,7 +110,7 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     assert (tmp_path / "curve" / "trade-off.png").read_bytes().startswith(b"\x89PNG")
     head, *rows = (tmp_path / "curve" / "trade-off.csv").read_text().splitlines()
     assert len(rows) == len(first.json["points"])
-    assert {"machine_95_deg", "compensated_95_deg", "irreducible_deg"} <= set(head.split(","))
+    assert {"machine_95_deg", "compensated_95_deg", "floor_deg"} <= set(head.split(","))
     assert sum(row.startswith("knee,") for row in rows) == 1
     assert {"duration", "reversals", "errors_alone_95_deg"} <= set(head.split(","))
     again = run(*words, "--out", tmp_path / "curve")

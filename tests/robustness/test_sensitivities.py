@@ -23,7 +23,7 @@ def test_each_plan_has_its_own_and_the_sentence_names_the_least(
     for label, plan in plans.items():
         assert found.passive_block_deg[label] == planner.sensitivity(plan).passive_block_deg()
     assert "smallest for piecewise (0.508 deg)" in found.sentence
-    assert "0.958 deg of each total is irreducible" in found.sentence
+    assert "0.958 deg of each total is the floor" in found.sentence
     one = planner.sensitivities({"a": plans["polynomial"], "b": plans["polynomial"]})
     assert "0.561 deg for every plan" in one.sentence
 
@@ -56,16 +56,20 @@ def test_the_verdict_says_whether_a_small_total_is_worth_its_effort(
 ) -> None:
     found = planner.sensitivities(plans)
     words = found.verdict
-    assert words.startswith("piecewise instead of polynomial: not worth it, the total falls by")
+    assert words.startswith(
+        "piecewise instead of polynomial: not worth it, the total above its floor falls by"
+    )
     assert "--methods 'polynomial compensated,piecewise compensated'" in words
     assert "Next, compensate" in words
     assert found.to_dict()["verdict"] == words
 
 
 def test_what_is_worth_its_price() -> None:
-    assert worth(1.0, 0.5, 1.9).startswith("worth it, the total falls by 50 %")
-    assert worth(1.0, 0.5, 2.1).startswith("not worth it, ")
-    assert "for 9.5 times the effort" in worth(1.150, 1.026, 9.5)
+    """The part above the floor is compared: 0.636 and 0.367 degrees of the paper's example."""
+    assert worth(1.0, 0.5, 0.0, 1.9).startswith("worth it, the total above its floor falls by 50 %")
+    assert worth(1.0, 0.5, 0.0, 2.1).startswith("not worth it, ")
+    assert worth(1.150, 1.026, 0.958, 1.7).startswith("worth it, ")
+    assert "42 % (0.636 to 0.367 deg) for 9.5 times the effort" in worth(1.150, 1.026, 0.958, 9.5)
 
 
 def test_plans_with_names_of_the_users_own_get_a_command_that_runs(

@@ -45,7 +45,7 @@ def plot_sensitivity(
     """Draw the error of each angle at the end, degrees, for one reference error of each parameter.
 
     Boxes mark the passive block: the response of the joints without a motor (θ₂ … θₙ) to the start
-    of θ₁ and the gain of u₂. Dots mark irreducible entries, which depend only on start and goal.
+    of θ₁ and the gain of u₂. Dots mark the floor, the entries that depend only on start and goal.
 
     Args:
         found: The sensitivities.
@@ -67,12 +67,12 @@ def plot_sensitivity(
     ]
     values = found.contribution_deg(spread)[:, columns]
     figure, ax, ours = _heat_map(values, [symbol(n) for n in names], labels, axes)
-    for row, column in np.argwhere(found.irreducible[np.ix_(found.angles, columns)]):
+    for row, column in np.argwhere(found.floor[np.ix_(found.angles, columns)]):
         ax.plot(column - 0.38, row - 0.34, "o", color=COLOURS[1], markersize=4)
     _box_passive(ax, found, columns)
     total, floor = found.total_deg(spread), found.floor_deg(spread)
     text = (
-        f"{found.plan.method}: total {total:.4g} deg, of it irreducible (dots) {floor:.4g};"
+        f"{found.plan.method}: total {total:.4g} deg, of it the floor (dots) {floor:.4g};"
         f" passive block (boxes) {found.passive_block_deg(spread):.3g}"
     )
     heading(figure, text, ours=ours)
@@ -199,7 +199,7 @@ def plot_sensitivities(found: Sensitivities, *, axes: Any = None) -> tuple[Figur
 
 
 def _sums(ax: Any, result: Sensitivities) -> None:
-    """Draw bars of each plan's passive block and total, and a line at the irreducible part."""
+    """Draw bars of each plan's passive block and total, and a line at the floor."""
     from matplotlib.patches import Patch  # slow to import
 
     labels, spread = list(result.plans), result.spread
@@ -214,7 +214,7 @@ def _sums(ax: Any, result: Sensitivities) -> None:
         ax.bar_label(bars, fmt="%.3f", fontsize=8, padding=2)
         handles.append(Patch(color=LIMIT_COLOUR, alpha=alpha, label=name))
     floor = max(each.floor_deg(spread) for each in result.plans.values())
-    handles.append(ax.axvline(floor, color=LIMIT_COLOUR, linestyle=":", label="irreducible"))
+    handles.append(ax.axvline(floor, color=LIMIT_COLOUR, linestyle=":", label="floor"))
     ax.set_yticks(places, [escape_math(label) for label in labels])
     ax.set_ylim(len(labels) - 0.4, -1.2)  # room for the legend above the bars
     ax.margins(x=0.15)
@@ -344,7 +344,7 @@ def _responses(ax: Any, curve: TradeOff) -> None:
     ):
         ax.plot(cost, values, ".-", color=colour, label=label)
         ax.plot(cost[curve.knee_index], values[curve.knee_index], color=colour, **KNEE_STYLE)
-    ax.axhline(curve.points[0].floor_deg, color="#555555", linestyle=":", label="irreducible")
+    ax.axhline(curve.points[0].floor_deg, color="#555555", linestyle=":", label="floor")
     ax.set_ylim(bottom=0)
     ax.set_xlabel(_cost_label(curve))
     ax.set_ylabel("response at the end (deg, one standard deviation)")

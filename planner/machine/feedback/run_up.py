@@ -104,6 +104,11 @@ the run-up takes at most five times as long. At full speed the prototype's joint
 degrees, and E is 1.2 instead of 0.3 degrees (50 %).
 """
 
+RAMP_S = 1 / 30
+"""Longest time in which a motor reaches the run-up's speed, s, since the run-up's nominal motion
+jumps to it. Without limits of the inputs the prototype's motors would go at 3 rad/s, and E is 14.4
+instead of 0.3 degrees (50 %, the paper's problem); limits up to 1 rad/s decide themselves."""
+
 
 def run_up(plan: Plan, machine: Machine, options: FeedbackTable) -> RunUp | None:
     """Return the run-up of a plan on a machine; None if it is not wanted or would not help.
@@ -142,6 +147,7 @@ def _search(plan: Plan, machine: Machine, *, wanted: bool = False) -> tuple[RunU
     if (first := first_motion(plan))[0] == 0:
         return None, ""
     speed = np.array([DRIVE_SHARE, SWING_SHARE]) * input_scale(plan, machine)
+    speed = np.minimum(speed, RAMP_S * machine.mean("acceleration_limit_rad_s2"))
     speed = np.minimum(speed, np.maximum(_coasting_speed(machine), LEAST_SPEED_SHARE * speed))
     lost = np.concatenate([gearhead_play(system, machine) / 2, lost])
     behind = max(np.deg2rad(BACK_DEG), BACK_SPREADS * float(lost_spread(machine, system.n).max()))

@@ -136,6 +136,14 @@ IN_THE_WAY_BACK = [(1.2, 70), (1.2, 80), (1.8, 80), (2.4, 100), (2.8, 100), (1.6
 """Posts that the plan clears and its usual run-up hits, or nearly: of grids and random places."""
 
 
+def test_without_limits_of_the_inputs_the_run_up_is_no_faster_than_the_servos_follow() -> None:
+    """It went at the motors' 3 rad/s, and E was 14.5 degrees; limits of 0.5 rad/s give 0.2."""
+    problem = planner.load_problem(PAPER, {"limits.input_rad_s": None})
+    run = followed(planner.solve(problem, "collocation", intervals=20))
+    assert run.percentile(50) < 0.4
+    assert run.run_s > run.plan.duration + 3.0
+
+
 def test_no_machine_touches_a_post_before_the_start(plan: Plan, back: Plan) -> None:
     passed = 0
     for each, places in ((plan, IN_THE_WAY), (back, IN_THE_WAY_BACK)):

@@ -240,7 +240,12 @@ def write_page(figures: dict[str, dict[int, float]]) -> None:
         figure_of = f"{np.median(solved):.7f} | {solved[-1]:.7f} | {np.sum(solved > 1.001)}"
         done = f"{len(values)} of {count}"
         rows.append(f"| {title} | {what} | {done} | {figure_of} | {len(values) - len(solved)} |\n")
-    axes.set(xscale="log", xlabel="ratio - 1", ylabel="share of cases", ylim=(0, 1.02))
+    axes.set(
+        xscale="log",
+        xlabel="cost above that of an optimal planner, as a share (ratio of the table - 1)",
+        ylabel="share of cases",
+        ylim=(0, 1.02),
+    )
     axes.axvline(1e-3, color="grey", linestyle=":")
     axes.legend(loc="lower right")
     figure.savefig(FOLDER / "optimality.png", dpi=150)

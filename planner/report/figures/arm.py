@@ -111,7 +111,8 @@ def draw_places(ax: Any, problem: Problem) -> None:
         ax.add_patch(Circle(centre, disc.radius, color="0.55", alpha=0.6, zorder=1))
         if disc.clearance:
             ax.add_patch(Circle(centre, apart, fill=False, color="0.55", linestyle=":", zorder=1))
-        ax.annotate(f"obstacle {disc.number}", disc.centre, fontsize=8, ha="center", va="center")
+        name = f"obstacle\n{disc.number}"  # narrow, since links pass beside the disc
+        ax.annotate(name, disc.centre, fontsize=7, ha="center", va="center")
     for point in problem.waypoints:
         points = _pose_to_pass(problem, point)
         if np.all(np.isfinite(points)):
@@ -146,7 +147,8 @@ def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
     extents = [
         body_points(c.plan.problem, c.plan.q(times(c.plan, 200))).reshape(-1, 2) for c in drawn
     ]
-    wide, high = np.ptp(np.concatenate(extents), axis=0)
+    low, top = (bound(np.concatenate(extents), axis=0) for bound in (np.min, np.max))
+    wide, high = top - low
     count, columns, size = len(drawn), MOST_ABREAST, (3.8, 3.6)
     if wide >= 2 * high:
         columns, size = 1, (7.5, max(1.4, 7 * float(high / wide) + 0.8))
@@ -158,6 +160,8 @@ def plane_axes(drawn: Sequence[Curve], axes: Any = None) -> tuple[Figure, Any]:
     for k, (curve, ax) in enumerate(zip(drawn, axes.flat, strict=False)):
         ax.set_title(curve.title, fontsize=10)
         ax.set_aspect("equal", adjustable="box")
+        if high >= 2 * wide:  # or the labels of x run together
+            ax.set_xlim(*(float(low[0] + top[0]) / 2 + high * np.array([-0.3, 0.3])))
         if k + shape[1] >= count:
             ax.set_xlabel(f"x ({unit})")
             ax.tick_params(labelbottom=True)

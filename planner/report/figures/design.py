@@ -280,7 +280,10 @@ def draw_sweep(columns: Sequence[str], records: Sequence[Record], title: str = "
     places, names = _places(keys, records)
     for ax, (key, text) in zip(axes[0, 1:], rows, strict=True):
         for j, label in enumerate(counts):
-            mine = [(x, r) for x, r in zip(places, records, strict=True) if r["method"] == label]
+            aside = 0.2 * (j - (len(counts) - 1) / 2) if names else 0.0  # no dot hides another
+            mine = [
+                (x + aside, r) for x, r in zip(places, records, strict=True) if r["method"] == label
+            ]
             dots = [(x, r[key]) for x, r in mine if r["solved"] and r[key] is not None]
             if dots:
                 ax.plot(*np.transpose(dots), "o", color=colour[label], label=label, alpha=0.8)

@@ -41,6 +41,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "gallery": (*COMPARISONS, "robustness", "report/figures", "docs/gallery.md"),
     "identification": (*MACHINES, "tests/benchmarks/identification.py"),
     "judging": (*PLANS, "tests/benchmarks/judged.py", "tests/benchmarks/judging.py"),
+    "map": (*PLANS, "tests/benchmarks/goal_map.py"),
     "mutants": ("verification", "systems", "machine", "methods", "tests"),
     "optimality": (*PLANS, "tests/benchmarks/optimality.py"),
     "paper": (*COMPARISONS, "paper", "report/figures"),

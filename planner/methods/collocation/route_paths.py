@@ -1,6 +1,7 @@
 """The paths of a route: the most promising are refined, ranked and used as starts of motions.
 
-The duration of a refined path predicts that of its motion well, so only one or two are timed.
+The objective of a refined path at constant speed predicts which motion is best, so only one or two
+are timed.
 """
 
 from __future__ import annotations
@@ -39,6 +40,9 @@ degrees, one could be refined, and its motion was 5 % faster than the ladder's. 
 that a refusal names takes up to 1.4 times as long (13 refusals; six the same), in a third of the
 processor time."""
 
+TIMES = np.geomspace(1e-3, 1e3, 49)
+"""Durations tried for a path, relative to its own, to find the best roughly."""
+
 MAX_COARSE_PATHS = 6
 """Largest number of paths to time on a given mesh, for which the fastest path is unknown."""
 
@@ -65,9 +69,18 @@ class RefinedPath:
         """Return the duration of the path, s, scaled uniformly in time to keep limits on speed."""
         return needed_duration(job.problem, self.free.mesh, self.solution.iterate)
 
-    def clock_s(self, job: Task) -> float:
-        """Return the duration of the path, s, if at every time one input is at its limit."""
+    def least_duration(self, job: Task) -> float:
+        """Return the duration of the path, s, timed by `clock` if both inputs have limits."""
+        if not np.isfinite(job.problem.limits.input).all():
+            return self.duration(job)
         return float(clock_times(job.problem, self.free.mesh, self.solution.iterate)[0][-1])
+
+    def value(self, job: Task) -> float:
+        """Return the job's objective of the path at constant speed, in the given duration, or in
+        the best."""
+        curve, given = self.free.curve(self.solution.iterate), job.problem.duration
+        times = [given] if given else np.maximum(curve.duration * TIMES, self.least_duration(job))
+        return min(job.objective.value(curve.slowed(t / curve.duration)) or 0.0 for t in times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +122,10 @@ class RoutePaths:
     ) -> Iterator[tuple[SeedPath, Task, Iterate]]:
         """Yield the most promising paths, each with a task on its own mesh and a start of the task.
 
-        Paths that fit into the given duration come first, by effort, then the other paths, by their
-        duration. In both groups paths that clear all discs come first. A path that takes longer
-        than a motion already found is left out.
+        Paths that fit into the given duration at constant speed come first, by their value. The
+        others follow: by their duration if none fits, else those of less value than all that fit.
+        In both groups paths that clear all discs come first. A path that takes longer than a motion
+        already found is left out.
 
         Args:
             job: The task.
@@ -122,19 +136,21 @@ class RoutePaths:
                 yield one, job, transfer(self.free, one.solution.iterate, job)
             return
         duration, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
-        slow = [each for each in self.refined if each.duration(job) <= (duration or 0.0)]
-        slow.sort(key=lambda each: (not each.origin.clear, each.solution.objective))
+        most = duration / LEAST_TIME_RATIO if duration else math.inf
+        able = [each for each in self.refined if each.least_duration(job) <= most]
+        values = {each: each.value(job) for each in able}
+        slow = [each for each in able if each.duration(job) <= (duration or 0.0)]
+        slow.sort(key=lambda each: (not each.origin.clear, values[each]))
         for path in slow[:MAX_PATHS]:
             yield _start_at_own_speed(path, job)
-        if duration and motions:
-            return
-        seconds = RefinedPath.clock_s if limited else RefinedPath.duration
-        most = duration / LEAST_TIME_RATIO if duration else math.inf
-        fast = [(seconds(each, job), each) for each in self.refined if each not in slow]
-        fast.sort(key=lambda each: (not each[1].origin.clear, each[0]))
-        for needed, path in fast[:MAX_PATHS]:
-            if needed > min([most, *(each.iterate.duration for each in motions)]):
-                return
+        known = [values[each] for each in slow] or [each.objective for each in motions]
+        least = min(known) if duration and motions else math.inf
+        rate = RefinedPath.least_duration if duration and not motions else RefinedPath.value
+        fast = [each for each in able if each not in slow and values[each] < least]
+        fast.sort(key=lambda each: (not each.origin.clear, rate(each, job)))
+        for path in fast[:MAX_PATHS]:
+            if path.least_duration(job) > min((m.iterate.duration for m in motions), default=most):
+                continue
             if limited:
                 free, solution = halve_mesh(path.free, path.solution)
                 yield path.origin, *clock(job, free, solution.iterate)

@@ -1,5 +1,6 @@
 """Objectives of collocation beside effort and time."""
 
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -10,6 +11,8 @@ from planner.methods.collocation.transcription.form import objective
 from planner.methods.collocation.transcription.interval import EDGE_MARGIN
 from planner.plan.measures import TERMS, Objective
 from planner.problem.tables.method_options import CollocationOptions
+
+PROBLEMS = Path(__file__).parents[3] / "problems"
 
 TIMES = np.linspace(0, 10, 20001)
 
@@ -84,6 +87,17 @@ def test_what_is_better_the_slower_needs_a_duration(paper: planner.Problem, kind
 def test_smoothness_refuses_inputs_that_jump(paper: planner.Problem) -> None:
     with pytest.raises(planner.InputError, match="reads the inputs' rates"):
         planner.solve(paper, "collocation", objective="smooth", input="constant")
+
+
+@pytest.mark.parametrize("duration", [40.0, 17.5])
+def test_the_smoothest_path_need_not_be_the_shortest(duration: float) -> None:
+    """The default start is no worse than random loops alone. In 17.5 s the smoothest path must be
+    driven faster than at constant speed, which would take 17.75 s."""
+    parking = planner.load_problem(PROBLEMS / "parking.toml").changed({"goal.duration": duration})
+    usual, loops = (
+        planner.solve(parking, objective="smooth", start=start) for start in ("auto", "wander")
+    )
+    assert usual.objective <= 1.001 * loops.objective
 
 
 KINDS = get_args(CollocationOptions.model_fields["objective"].annotation)

@@ -28,6 +28,7 @@ from planner.plan.trajectory import StateTrajectory
 from planner.problem.feasibility import SHORTEST_S, refuse_too_short
 from planner.problem.free_space import why_blocked
 from planner.problem.problem import AnyProblem, Problem, problem_of
+from planner.problem.tables.method_options import LawOptions
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.calculus.bernstein import Bernstein
 from planner.support.deadline import (
@@ -129,11 +130,13 @@ def solve_and_check(
             options["time_limit_s"] = time_limit_s
     merged = merged_options(problem, entry, options)
     must_compensate = spec.compensated or problem.compensation.on
+    # A law's path does not depend on the duration, unless it passes points at given times.
+    scales = isinstance(merged, LawOptions) and getattr(merged, "points", []) in ([], "auto")
 
     def attempt(change: Change, short: Plan | None) -> Plan:
         changed = problem.changed(change.keys)
         duration = changed.duration if change.keys.keys() == {"goal.duration"} else None
-        if duration and short is not None and entry.finds_time:  # slow the refused motion
+        if duration and short is not None and (scales or entry.finds_time):  # slow the motion
             with suppress(NoPlanError):
                 factor = duration / short.duration
                 return judge_slowed(short, factor, problem=changed, status="solved")

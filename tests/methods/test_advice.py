@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import planner
 from planner import METHODS, NoPlanError, NotConvergedError, Plan, Problem, TimeLimitError
 from planner.methods import refusal as refusals
+from planner.methods.laws import polynomial
 from planner.methods.refusal import BY_COLLOCATION, Change, advise, duration_changes, path_changes
 from planner.support import deadline
 from planner.support.deadline import TimeUpError
@@ -115,6 +117,30 @@ def test_advice_does_not_depend_on_how_fast_the_computer_is(
     clock = SimpleNamespace(monotonic=lambda: next(hours), process_time=lambda: next(hours))
     monkeypatch.setattr(deadline, "time", clock)
     assert texts() == usual
+
+
+def test_a_law_is_searched_again_for_a_longer_duration_only_with_points_in_seconds(
+    paper: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without them the refused motion, slowed down, is the answer of the law."""
+    asked, plan_law = list[float | None](), polynomial.plan_polynomial
+
+    def counted(problem: Problem, options: Any) -> Plan:
+        asked.append(problem.duration)
+        return plan_law(problem, options)
+
+    monkeypatch.setattr(polynomial, "plan_polynomial", counted)
+    quick = paper.changed({"goal.duration": 4.0, "goal.travel": "free"})
+    with pytest.raises(NoPlanError) as caught:
+        planner.solve(quick, "polynomial")
+    assert asked == [4.0]
+    advice = re.match(r"goal.duration = ([\d.]+) or more \(tried\)", str(caught.value.advice))
+    assert advice is not None
+    assert planner.solve(quick.changed({"goal.duration": float(advice[1])}), "polynomial").verified
+    asked.clear()
+    with pytest.raises(NoPlanError):
+        planner.solve(quick, "polynomial", points=[[1.5, -0.2]])
+    assert asked == [4.0, pytest.approx(18.89)]
 
 
 def test_tries_end_with_the_time_limit_given(paper: Problem) -> None:

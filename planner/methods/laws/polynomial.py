@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import lru_cache
 from itertools import combinations, product
 from typing import Any
 
@@ -23,7 +24,7 @@ from planner.methods.laws.free_numbers import (
     one_way_or_back,
 )
 from planner.methods.laws.law import Ends, Motion, finish
-from planner.methods.laws.legs import Point, even_legs, steer
+from planner.methods.laws.legs import Leg, Point, even_legs, steer
 from planner.methods.laws.scores import BestCandidate, Curves, search_candidates
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
@@ -160,7 +161,8 @@ class _PointFamily:
         self.reaches, self.widths = candidate_reaches(ends, _REACHES[count])
         if given is not None:
             self.reaches, self.widths = np.array([given]), np.zeros(1)
-        self.times = self._best_times()
+        shares = _best_shares(len(ends.start), ends.problem.travel == 0, count)
+        self.times = tuple(share * ends.duration for share in shares)
 
     def read(self, x: Array) -> tuple[Array, tuple[Point, ...]]:
         """Split free numbers x (…, d) into travels (or offsets), (…), and constraint points."""
@@ -199,15 +201,21 @@ class _PointFamily:
         shape = len(reaches) * len(off), values.shape[-1]
         return values.reshape(shape), steps.reshape(shape)
 
-    def _best_times(self) -> tuple[float, ...]:
-        """Return the times of the points that give the least condition number of the conditions."""
-        shares = (_SHARES * self.ends.duration).tolist()
 
-        def condition(times: tuple[float, ...]) -> float:
-            try:
-                points = tuple(Point(t, 0.0) for t in times)
-                return float(_motion(self.ends, self.reaches[0], points).condition)
-            except np.linalg.LinAlgError:
-                return np.inf
+@lru_cache(maxsize=32)
+def _best_shares(size: int, turns: bool, count: int) -> tuple[float, ...]:
+    """Return the times of `count` points, as shares of the duration, that give the least condition
+    number of the conditions.
 
-        return min(combinations(shares, self.count), key=condition)
+    The number depends neither on the duration nor on the ends and the travel, which only scale or
+    shift the conditions of `size` coordinates.
+    """
+    terms, halves = size - 1 + count, (1.0, -1.0) if turns else (1.0,)
+    legs = [Leg(1 / len(halves), travel, terms) for travel in halves]
+
+    def condition(shares: tuple[float, ...]) -> float:
+        points = [Point(share, 0.0) for share in shares]
+        found = steer(np.zeros(size), np.eye(1, size), legs, points).condition
+        return float(np.nan_to_num(found[0], nan=np.inf))
+
+    return min(combinations(_SHARES.tolist(), count), key=condition)

@@ -135,15 +135,19 @@ def natural_units(problem: Problem, objective: Objective, timeless: bool) -> Uni
 
 
 def _usual_drive(problem: Problem) -> float:
-    """Return the largest |γ| at start and goal, or near them if it vanishes there, as it does for a
-    vehicle that heads along the y axis."""
+    """Return the largest |γ| at start and goal, or near them if it vanishes there.
+
+    That of a vehicle vanishes where it heads along the y axis, so the larger of the two is taken:
+    the frame of a problem then does not change its units.
+    """
     ends = np.array([problem.start, problem.likely.goal])
     ends = np.where(np.isnan(ends), problem.start, ends)
     angles = np.array([each.unit == "rad" for each in problem.system.coordinates])
     angles[0] = False
     here = float(np.abs(problem.system.drive(ends)).max())
     near = float(np.abs(problem.system.drive(ends + NEAR_RAD * angles)).max())
-    return near if here < VANISHING * near else here
+    small = 1.0 if problem.system.coordinates[0].unit == "m" else VANISHING
+    return near if here < small * near else here
 
 
 def _decade(value: float) -> float:

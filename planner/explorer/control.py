@@ -31,7 +31,8 @@ class Control:
         group: Heading of the control's group.
         label: Name on the screen.
         kind: "slider", "choice" or "switch".
-        key: Dotted key of the problem file ("limits.joint_deg"), or "method" or "samples".
+        key: Dotted key of the problem file ("limits.joint_deg"), or "method", "samples" or
+            "feedback".
         whole: Current value of the key; for a machine effect that is off, the value that the effect
             gets when switched on.
         part: Indices or keys that lead to this control's number in `whole`, if that is a list or

@@ -138,7 +138,12 @@ def machine_controls(state: State, problem: Problem) -> list[Control]:
     names = [k for k, e in EFFECTS.items() if k in active and not (static and e.dynamic_only)]
     settings = {name: State(state.base).value(f"machine.{name}") for name in names}
     of_mechanism = [_compensation(state), _start_state(now)] if compensable(problem.system) else []
-    return [count, *of_mechanism, *(_effect(name, first, now, settings[name]) for name in names)]
+    feedback = Control(
+        MACHINE_TITLE, "with feedback", "switch", "feedback", state.feedback, shown=state.feedback,
+        help="follow the plan with feedback by the tracker, on every machine",
+    )  # fmt: skip
+    effects = (_effect(name, first, now, settings[name]) for name in names)
+    return [count, feedback, *of_mechanism, *effects]
 
 
 def _start_state(machine: Machine) -> Control:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def explore(
     problem: AnyProblem,
-    method: str = "polynomial",
+    method: str = "collocation",
     samples: int = 20,
     time_limit_s: float | None = 30.0,
 ) -> Explorer:
@@ -26,7 +26,9 @@ def explore(
     start, goal, travel, duration, constraint points (which can also be dragged in the figure), the
     options of the method, the limits and the effects of the machine. During planning the figures
     are grey, the elapsed time is shown, and a button stops the planning. A refused plan is drawn
-    with the reason. Buttons show the mechanism, the Python code and the problem file. In Python:
+    with the reason. Beside the plan stands a second one, by default of the polynomial with chosen
+    constraint points, with a table of both; a button keeps the plan on the screen beside later
+    ones. Buttons show the mechanism, the Python code and the problem file. In Python:
     `explorer.plan`, `explorer.problem`, `explorer.code` and `explorer.problem_file`.
 
     Unless the problem sets these options, collocation tries fewer first guesses and the machine is

@@ -119,8 +119,9 @@ def errors(outcome: ScreenOutcome) -> Replay | None:
     record = max(2 * RECORD_S, plan.duration / 200)
     with time_limit(state.time_limit_s), suppress(TimeUpError):
         return replay(
-            plan, None, state.samples, 0, record_s=record, progress=lambda *_: deadline.check()
-        )
+            plan, None, state.samples, 0, state.feedback, record_s=record,
+            progress=lambda *_: deadline.check(),
+        )  # fmt: skip
     return None
 
 

@@ -1,7 +1,7 @@
 """The logic of the explorer, without any widget.
 
-A `Screen` holds the settings and the plan for them. `change` applies new settings and plans,
-`picture` returns what the browser shows.
+A `Screen` holds the settings and the plan for them. `set` applies new settings, `plan_anew` plans,
+and `picture` returns what the browser shows.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.comparison.rows import Row
+from planner.errors import InputError, PlannerError
 from planner.explorer.control import OBSTACLES_KEY, Control, task_controls
 from planner.explorer.controls import (
     POINTS_KEY,
@@ -26,13 +27,14 @@ from planner.explorer.controls import (
 )
 from planner.explorer.outcome import ScreenOutcome, errors, judge, path
 from planner.explorer.state import State, code, problem_file
-from planner.machine.replay import Replay
-from planner.plan.measures import effort_unit
+from planner.machine.replay import STATISTICS, Replay
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.report.figures.arm import body_points, can_draw, tips_to_pass
 from planner.report.figures.mechanism import mechanism_svg
+from planner.report.figures.on_the_machine import median_sample
 from planner.report.figures.style import colour_numbers, length_unit, times
+from planner.report.page.series import motion_data
 from planner.report.panels import (
     PLAN_FIGURES,
     Panel,
@@ -46,8 +48,11 @@ from planner.report.panels import (
     span,
     to_screen_digits,
 )
+from planner.robustness.sensitivity import sensitivity
+from planner.support.arrays import jsonable
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import Manipulator
+from planner.verification.summary import figures
 
 
 class Screen:
@@ -90,15 +95,6 @@ class Screen:
             self._rebuild(self.state.problem(), None)
         return before != list(self.controls)
 
-    def change(self, changes: Sequence[tuple[str, Any]]) -> None:
-        """Set controls by name as `set` does, then plan.
-
-        Raises:
-            InputError: If there is no such control.
-        """
-        self.set(changes)
-        self.plan_anew()
-
     def plan_anew(self) -> None:
         """Plan with the current settings, and update outcome and controls."""
         began = time.perf_counter()
@@ -118,12 +114,8 @@ class Screen:
 
     def picture(self) -> dict[str, Any]:
         """Return all panels, controls and texts that the browser shows for the current outcome."""
-        shown = picture(self.outcome)
-        for panel in shown["panels"]:
-            handles = panel.get("handles", ())
-            panel["handles"] = [h for h in handles if set(h["names"] or ()) <= self.controls.keys()]
         return {
-            **shown,
+            **picture(self.outcome),
             "controls": self.shown_controls(),
             "system": self._system(),
             **self.words(),
@@ -143,9 +135,29 @@ class Screen:
             "facts": path_line(outcome, self._took_s),
         }
 
-    def errors(self) -> dict[str, Any] | None:
-        """Return the panel of joint errors on random machines; None if there is nothing to show."""
-        return error_panel(errors(self.outcome))
+    def errors(self) -> dict[str, Any]:
+        """Return the panel of errors, the motion of the machine with median E, and a plan's row.
+
+        Panel and motion are None without a replay; `why` says why feedback cannot follow the plan.
+        """
+        run, plan, why = None, self.outcome.plan, ""
+        try:
+            run = errors(self.outcome)
+        except PlannerError as error:
+            why = str(error)
+        shown = {"error": error_panel(run), "machine": None, "row": plan_row(plan, run), "why": why}
+        if run is not None and shown["error"]:
+            t = run.t[run.t <= run.plan.duration]
+            motion = motion_data(run.plan, t, run.motion(median_sample(run))[: len(t)])
+            shown["machine"] = jsonable(motion)
+        return shown
+
+    def second(self) -> dict[str, Any]:
+        """Plan by the method of comparison, and return all that the browser shows of its plan."""
+        method = SECOND.get(self.state.method, "polynomial")
+        other = Screen(self.state.with_value("method", method).with_value(POINTS_KEY, "auto"))
+        other.judge()
+        return {"second": {"label": method, **other.picture(), **other.errors()}}
 
     def mechanism(self) -> dict[str, str]:
         """Return the drawing of the mechanism (SVG, "" if there is none) and its system as text."""
@@ -193,15 +205,43 @@ class Screen:
         self.controls = {control.name: control for control in controls}
 
 
+SECOND = {"polynomial": "collocation"}
+"""Method of the second plan by the first plan's method; for all others the polynomial with
+constraint points that it chooses."""
+
+
+ROW = ("effort", "peak_u", "duration_s", "E_median_deg", "end_median_deg")
+"""Figures of a plan's row, those of comparisons; the sensitivity follows."""
+
+
+def plan_row(plan: Plan | None, run: Replay | None) -> list[list[Any]]:
+    """Return the plan's figures, each as title, unit and number; none without a motion."""
+    if plan is None or not plan.executable:
+        return []
+    system, known = plan.problem.system, figures(Row)
+    values: dict[str, Any] = {
+        "effort": plan.effort,
+        "peak_u": plan.peak_u,
+        "duration_s": plan.duration,
+    }
+    if run is not None:
+        values |= {name: one.of(run) for name, one in STATISTICS.items()}
+    row = [
+        [heading.title, heading.unit_of(system), value]
+        for name in ROW
+        for heading, value in zip(
+            known[name].headings, np.ravel(values.get(name, np.nan)), strict=True
+        )
+    ]
+    row.append(["sensitivity", "deg", sensitivity(plan, SENSITIVITY_STEPS).passive_block_deg()])
+    return list(jsonable(row))
+
+
 def path_line(outcome: ScreenOutcome, took_s: float) -> str:
-    """Return one line of facts about the path: travel, duration, effort, planning time."""
-    plan = outcome.plan
+    """Return one line of facts about the path: reservations and the planning time."""
+    plan, parts = outcome.plan, list[str]()
     if plan is None:
         return ""
-    unit = plan.problem.system.coordinates[0].unit
-    parts = [f"travel {plan.travel:.5g} {unit}", f"duration {plan.duration:.4g} s"]
-    if np.isfinite(plan.effort):
-        parts.append(f"effort {plan.effort:.4g} {effort_unit(plan.problem.system)}")
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart, as this method may")
     if plan.compensates is not None:
@@ -219,6 +259,9 @@ CURVE_SAMPLES = 160
 
 POSES = 10
 
+SENSITIVITY_STEPS = 200
+"""Steps of the integration of sensitivities: six digits of the paper's plans in 5 ms."""
+
 TITLES = {"z2": "z₂ and its domain", "z": "the other chained coordinates"}
 """Titles, by panel id, of panels that show more in the explorer than elsewhere."""
 
@@ -228,7 +271,8 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
 
     `planner.report.panels` describes the data. The panels of z2 and of the plane also have
     `handles`: the position `at` of each and, if it can be dragged, the `names` of the controls that
-    dragging sets. With a `pivot` the control is an angle around it, from direction `zero` (deg).
+    dragging sets; the browser leaves out those without controls. With a `pivot` the control is an
+    angle around it, from direction `zero` (deg).
     """
     plan = outcome.plan
     if plan is None:
@@ -238,14 +282,12 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     system = plan.problem.system
     fit = [figure for figure in PLAN_FIGURES.values() if figure.fits(system)]
     panels = [_with_words(p, plan) for figure in fit for p in merge(figure.panels([one]))]
-    if can_draw(system):
-        panels.append(_plane(one))
     data = {panel.id: screen_data(panel) for panel in panels}
     data["z2"]["handles"] = _handles(plan)
     if can_draw(system):
-        data["plane"]["handles"] = list(_plane_handles(plan))
+        data["plane"] = {**screen_data(_plane(one)), "handles": list(_plane_handles(plan))}
     curve = {
-        "label": plan.method,
+        "label": name,
         "refused": outcome.error is not None,
         "colour": colour_numbers([name])[name],
         **span(plan),
@@ -267,6 +309,9 @@ def _with_words(panel: Panel, plan: Plan) -> Panel:
     elif panel.id.startswith("inputs"):
         peaks = (f"{c.name} {np.nanmax(np.abs(c.y), initial=0.0):.3g}" for c in panel.series)
         panel = replace(panel, zero=True, note="peaks: " + ", ".join(peaks))
+    elif panel.id.startswith("joints") and not hasattr(plan.problem.system, "arm_points"):
+        words = "angles" if panel.unit == "deg" else "coordinates"
+        return replace(panel, title=words if len(panel.series) > 1 else panel.title)
     one_curve = panel.id == "z" and len(panel.series) == 1
     return panel if one_curve else replace(panel, title=TITLES.get(panel.id, panel.title))
 
@@ -301,19 +346,18 @@ def _handles(plan: Plan) -> list[dict[str, Any]]:
 
 def _plane_handles(plan: Plan) -> Iterator[dict[str, Any]]:
     """Yield handles of start, goal and obstacles, for all controls that there may be."""
-    for k, disc in enumerate(plan.problem.obstacles):
+    problem = plan.problem
+    for k, disc in enumerate(problem.obstacles):
         names = [f"{OBSTACLES_KEY}:{k}:centre_m:{i}" for i in (0, 1)]
         yield {"at": disc.centre.tolist(), "names": names}
-    for table, t in (("start", 0.0), ("goal", plan.duration)):
-        points = body_points(plan.problem, plan.q(t)).tolist()
+    for table, q in (("start", plan.q(0.0)), ("goal", plan.q(plan.duration))):
+        points, zero = body_points(problem, q).tolist(), 0.0
         for names in ([f"{table}.tip_m:{i}" for i in (0, 1)], [f"{table}.x_m", f"{table}.y_m"]):
             yield {"at": points[-1], "names": names}
-        if not hasattr(plan.problem.system, "arm_points"):
-            continue
-        before = np.rad2deg(np.cumsum([0.0, *plan.q(t)[1:]]))
         for k, (pivot, at) in enumerate(pairwise(points)):
             names = [f"{table}.theta_deg:{k}"]
-            yield {"at": at, "names": names, "pivot": pivot, "zero": float(before[k])}
+            yield {"at": at, "names": names, "pivot": pivot, "zero": zero}
+            zero += float(np.rad2deg(q[k + 1]))
 
 
 def _plane(one: PlanCurves) -> PlanePanel:

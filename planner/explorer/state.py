@@ -48,6 +48,7 @@ class State:
         method: Name of the method.
         changes: Changed values by dotted key of the problem file, in the order of first change.
         samples: Number of random machines on which the plan is replayed; 0 for none.
+        feedback: Whether feedback follows the plan on these machines.
         time_limit_s: Seconds for planning, unless the problem's options set a limit; None means no
             limit.
     """
@@ -57,6 +58,7 @@ class State:
     changes: Mapping[str, Any] = field(default_factory=dict)
     samples: int = 20
     time_limit_s: float | None = None
+    feedback: bool = False
 
     @classmethod
     def from_problem(
@@ -76,10 +78,8 @@ class State:
 
     def with_value(self, key: str, value: Any) -> State:
         """Return a copy of the settings with one key set."""
-        if key == "method":
-            return replace(self, method=value)
-        if key == "samples":
-            return replace(self, samples=int(value))
+        if key in ("method", "samples", "feedback"):
+            return replace(self, **{key: value})
         more = self._resize(int(value)) if key == JOINTS_KEY else {}
         state = replace(self, changes={**self.changes, **more, key: value})
         if key == JOINTS_KEY and self.value(Z2_KEY) is not None:
@@ -154,7 +154,8 @@ def code(state: State) -> str:
     lines = ["import planner", "", *_problem(state)]
     lines += [f'plan = planner.solve(problem, "{state.method}")', "check = planner.verify(plan)"]
     if state.samples:
-        lines.append(f"replay = planner.replay(plan, samples={state.samples}, seed=0)")
+        law = ", feedback=True" * state.feedback
+        lines.append(f"replay = planner.replay(plan, samples={state.samples}, seed=0{law})")
     return "\n".join(lines) + "\n"
 
 

@@ -100,9 +100,6 @@ def worker() -> PlanningThread:
     return PlanningThread()
 
 
-INLINE_ERRORS_S = 0.05
-"""Computing time of joint errors, s, up to which they are sent together with the figures."""
-
 logger = logging.getLogger("planner")
 
 PACKAGE = "planner.explorer"
@@ -121,7 +118,6 @@ class Explorer(anywidget.AnyWidget):
         super().__init__()
         self._state = State.from_problem(problem, method, samples, time_limit_s)
         self._shown_screen: Screen | None = None
-        self._errors_s = 0.0
         self._answer_in_work: Future[None] | None = None
         self.on_msg(self._hear)
 
@@ -189,15 +185,13 @@ class Explorer(anywidget.AnyWidget):
 
     def _answer(self, content: Mapping[str, Any]) -> dict[str, Any]:
         screen, what = self._screen, content.get("ask")
-        if what == "texts":
-            return screen.texts()
-        if what == "mechanism":
-            return screen.mechanism()
+        parts = {"texts": screen.texts, "mechanism": screen.mechanism}
+        parts |= {"errors": screen.errors, "second": screen.second}
+        if what in parts:
+            return parts[what]()
         if what == "judge":
             screen.judge()
             return screen.words()
-        if what == "errors":
-            return {"error": self._errors()}
         if what not in ("picture", "change", "reset"):
             raise ValueError(f"the page asks for {what!r:.40}, which the explorer does not know")
         if what == "change":
@@ -211,18 +205,7 @@ class Explorer(anywidget.AnyWidget):
             screen.plan_anew()
         if what == "reset":
             screen.reset()
-        return self._picture()
-
-    def _picture(self) -> dict[str, Any]:
-        if self._errors_s < INLINE_ERRORS_S:
-            return {**self._screen.picture(), "error": self._errors()}
-        return {**self._screen.picture(), "todo": ["errors", *self._open]}
-
-    def _errors(self) -> dict[str, Any] | None:
-        start = time.perf_counter()
-        panel = self._screen.errors()
-        self._errors_s = time.perf_counter() - start if panel else self._errors_s
-        return panel
+        return {**screen.picture(), "todo": ["errors", *self._open]}
 
     @property
     def _open(self) -> list[str]:

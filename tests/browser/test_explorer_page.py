@@ -19,15 +19,15 @@ pytestmark = pytest.mark.campaign
 ROOT = Path(__file__).parents[2]
 SOURCE = """import planner
 problem = planner.load_problem("paper.toml", {"goal.travel": 0.82})
-explorer = planner.explore(problem, samples=5)
+explorer = planner.explore(problem, "polynomial", samples=5)
 explorer"""
 SLOW = """import planner
 search = {"start": "wander", "starts": 4000, "attempts": 4000}
 problem = planner.load_problem("obstacle.toml", {"method.collocation": search})
-planner.explore(problem, samples=2, time_limit_s=300)"""  # the page ends it
+planner.explore(problem, "polynomial", samples=2, time_limit_s=300)"""  # the page ends it
 TURNING = """import planner
 problem = planner.load_problem("crossing.toml", {"compensation.on": True, "machine.step_s": 0.01})
-planner.explore(problem, samples=20)"""
+planner.explore(problem, "polynomial", samples=20)"""
 
 LEFT = {
     "restarted": "jupyterapp.commands.execute('notebook:restart-kernel');",
@@ -89,11 +89,14 @@ def loaded(browser: Any, address: str) -> Iterator[Callable[[str], Any]]:
 
 @pytest.fixture
 def show(loaded: Callable[[str], Any]) -> Callable[..., Any]:
-    """Shows an explorer with the settings it began with: `show(name, width=)`."""
+    """Shows an explorer with the settings it began with: `show(name, width=, second=)`."""
 
-    def shown(name: str, width: int = 1500) -> Any:
+    def shown(name: str, width: int = 1500, second: bool = False) -> Any:
+        """Without the second plan, which each setting plans anew, unless a test is about it."""
         page = loaded(name)
         page.set_viewport_size({"width": width, "height": 1500})
+        if pressed(page, "second") != second:
+            page.locator("[data-button=second]").click()
         settled(page)
         number = page.locator(".px").get_attribute("data-number")
         page.locator("[data-button=reset]").click()
@@ -101,6 +104,10 @@ def show(loaded: Callable[[str], Any]) -> Callable[..., Any]:
         return page
 
     return shown
+
+
+def pressed(page: Any, button: str) -> bool:
+    return bool(page.locator(f"[data-button={button}]").get_attribute("aria-pressed") == "true")
 
 
 def settled(page: Any) -> None:
@@ -139,7 +146,7 @@ def drag(page: Any, panel: str, place: int, right: int, down: int) -> None:
 
 
 def code(page: Any) -> str:
-    if page.locator("[data-button=code]").get_attribute("aria-pressed") != "true":
+    if not pressed(page, "code"):
         page.locator("[data-button=code]").click()
     page.wait_for_function("document.querySelector('.px-texts textarea')?.value.includes('import')")
     return str(page.locator(".px-texts textarea").input_value())
@@ -199,6 +206,66 @@ def test_the_explorer_follows_sliders_pointer_and_buttons(show: Any, tmp_path: P
     page.wait_for_selector(".px[data-kind=verified]")
     picture(page, "verified", tmp_path)
     print(f"slider to picture: {polynomial:.0f} ms polynomial, {collocation:.0f} ms collocation")
+
+
+def rows(page: Any) -> list[list[str]]:
+    """The rows of the table of plans."""
+    lines = page.locator(".px-table tbody tr").all()
+    return [[cell.inner_text() for cell in line.locator("th, td").all()] for line in lines]
+
+
+def test_two_plans_stand_in_every_figure_and_any_curve_can_be_kept(
+    show: Any, tmp_path: Path
+) -> None:
+    page = show("try", second=True)
+    assert page.locator(".px").get_attribute("data-kind") == "verification failed", "it stays"
+    mine, other = rows(page)
+    assert mine[0].split()[0] == "polynomial"
+    assert "verification failed" in mine[0]
+    assert other[0] == "collocation"
+    assert all(float(number) >= 0 for number in other[1:])
+    assert float(other[1]) < float(mine[1]), "least effort"
+    titles = page.locator(".px-table thead th").all_text_contents()
+    assert [title.split()[0] for title in titles][:2] == ["plan", "effort"]
+    for panel in ("z2", "z", "joints", "inputs", "plane", "map", "error"):
+        assert page.locator(f"[data-panel={panel}] .curve.beside").count() > 0, panel
+    assert page.locator("[data-panel=joints] .entry").count() == 3, "the table names the others"
+
+    kept = page.locator("[data-panel=z2] .curve.beside-1")
+    before = page.locator("[data-panel=z2] .curve:not(.beside)").get_attribute("d")
+    page.locator("[data-button=keep]").click()
+    assert kept.get_attribute("d") == before
+    choose(page, "collocation")
+    settled(page)
+    assert page.locator(".px").get_attribute("data-kind") == "verified"
+    words = [row[0] for row in rows(page)]
+    assert words[:2] == ["collocation", "polynomial"]
+    assert words[2].startswith("kept 1: polynomial")
+    assert rows(page)[2][1:] == mine[1:]
+    page.locator("[data-button=reset]").click()
+    settled(page)
+    picture(page, "two-plans", tmp_path)
+    page.locator("[data-button=drop]").click()
+    assert kept.count() == 0
+    assert len(rows(page)) == 2
+
+
+def test_machine_and_feedback_are_switched_beside_the_figures(show: Any) -> None:
+    page = show("try")
+    choose(page, "collocation")  # the polynomial's inputs leave feedback no room
+    settled(page)
+    assert page.locator(".px .curve.beside").count() == 0
+    assert page.locator("[data-panel=joints] .curve.machine").count() == 0
+    page.locator("[data-button=machine]").click()
+    assert page.locator("[data-panel=joints] .curve.machine").count() == 3
+    alone = float(rows(page)[0][5])
+    page.locator("[data-button=feedback]").click()
+    settled(page)
+    assert pressed(page, "feedback")
+    assert float(rows(page)[0][5]) < 0.2 * alone, "E"
+    assert "feedback=True" in code(page)
+    page.locator("[data-button=machine]").click()
+    assert page.locator("[data-panel=joints] .curve.machine").count() == 0
 
 
 def test_where_a_compensated_plan_waits_is_shaded_on_light_and_on_dark(
@@ -542,7 +609,8 @@ def test_while_another_cell_runs_the_page_says_that_the_kernel_is_silent(show: A
     code = "import ctypes; ctypes.PyDLL(None).sleep(14)"
     with_kernel(page, f"kernel.requestExecute({{code: '{code}'}});")
     number = page.locator(".px").get_attribute("data-number")
-    page.locator("[data-button=code]").click()  # its answer brings no verdict
+    closed = "file" if pressed(page, "code") else "code"
+    page.locator(f"[data-button={closed}]").click()  # its answer brings no verdict
     page.wait_for_selector(".px[data-kernel=silent]")
     page.wait_for_selector(f".px[data-open='0']:not([data-kernel]):not([data-number='{number}'])")
     assert page.locator(".px-verdict").text_content() == verdict

@@ -31,7 +31,7 @@ def done() -> None:
 
 @pytest.fixture
 def sent(monkeypatch: pytest.MonkeyPatch, paper: planner.Problem) -> tuple[Any, list[Any]]:
-    widget = planner.explore(paper.changed({"goal.travel": 0.82}), samples=2)
+    widget = planner.explore(paper.changed({"goal.travel": 0.82}), "polynomial", samples=2)
     messages: list[Any] = []
     monkeypatch.setattr(widget, "send", lambda m: None if "heard" in m else messages.append(m))
     return widget, messages
@@ -69,6 +69,23 @@ def test_each_question_has_one_answer_with_its_number(sent: tuple[Any, list[Any]
     assert widget.plan.duration == 40.0
     assert widget.problem.travel == 0.8286
     assert repr(widget).startswith("Explorer(\"the paper's example")
+
+
+def test_the_second_plan_and_the_errors_are_asked_for(sent: tuple[Any, list[Any]]) -> None:
+    widget, messages = sent
+    for number, what in enumerate(("picture", "errors", "second")):
+        widget._hear(widget, {"ask": what, "number": number}, [])
+    done()
+    picture, errors, second = messages
+    assert picture["todo"][0] == "errors"
+    assert errors["error"]["id"] == "error"
+    assert second["second"]["label"] == "collocation"
+    assert second["second"]["kind"] == "verified"
+    assert "kind" not in second, "the verdict on the screen stays"
+
+
+def test_it_begins_with_a_plan_that_is_solved(paper: planner.Problem) -> None:
+    assert planner.explore(paper, samples=0).plan.verified
 
 
 def test_an_unknown_question_is_not_answered_by_a_picture(sent: tuple[Any, list[Any]]) -> None:

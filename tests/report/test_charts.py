@@ -109,7 +109,7 @@ def test_panels_have_one_shape() -> None:
     page = [p for f in page_data(found, replay_data(found))["figures"] for p in f["panels"]]
     problem = planner.load_problem(PROBLEM, {"goal.travel": 0.82})
     screen = Screen(State.from_problem(problem, "polynomial", 2))
-    explorer = [*screen.picture()["panels"], screen.errors()]
+    explorer = [*screen.picture()["panels"], screen.errors()["error"]]
     allowed = {"id", "kind", "title", "unit", "series", "band", "limits", "floor", "zero", "ends"}
     allowed |= {"stops", "marks", "view", "notes", "note"}  # those that `panels` names
     for panel in (p for p in (*page, *explorer) if p and p["kind"] == "time"):

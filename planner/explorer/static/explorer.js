@@ -33,6 +33,10 @@ const draggable = (Base) =>
   };
 
 class DragTime extends draggable(TimeChart) {
+  holds() {
+    return this.page.plans[0].holds ?? [];
+  }
+
   values(_, [t, value]) {
     const { x } = this.held;
     const edge = 0.01 * (x.high - x.low);
@@ -61,7 +65,13 @@ const KERNEL = {
   silent: "The kernel does not answer: perhaps another cell is running.",
   gone: "The kernel was restarted: run this cell again.",
 };
-const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing" };
+const DOING = { judge: "verifying", errors: "on the machines", texts: "writing", mechanism: "drawing", second: "" };
+const HELP = {
+  "E 50 %": "largest error of an angle on the machine at any time, median of the machines",
+  "end 50 %": "largest error of an angle on the machine at the end, median of the machines",
+  sensitivity: "response of the passive joints at the end to the start of the first and the gain of the second motor, first order",
+};
+const MOST_KEPT = 3; // as many as there are styles of lines
 
 function render({ model, el }) {
   const root = make("div", { class: "px charts" });
@@ -77,7 +87,8 @@ function render({ model, el }) {
   head.append(verdict, stopper, kernel, facts);
   const mechanism = make("div", { class: "px-mechanism", tabindex: 0, hidden: "" });
   const row = buttons();
-  main.append(head, words, row, texts, mechanism, grid, live);
+  const table = make("div", { class: "px-table" });
+  main.append(head, words, row, texts, table, mechanism, grid, live);
   root.append(side, main);
   el.append(root);
 
@@ -85,13 +96,16 @@ function render({ model, el }) {
   const page = {
     plans: [],
     shown: [true],
-    ghost: true,
+    ghost: false, // the motion of the median machine
     say: (text) => (live.textContent = text),
     setTime: () => {},
     drag: (names, values) => names.forEach((name, k) => set(name, roundLike(settings.get(name), values[k]))),
     follow: (chart, t) => charts.forEach((other) => other !== chart && other.setCursor(t)),
   };
-  let panels = [];
+  let current = { plans: [], panels: [] }; // what the last answers showed of the plan
+  let second = { label: "second plan", plans: [], panels: [] }, secondIs = "old"; // or "new", "off"
+  let kept = [], keptBefore = 0;
+  let panels = []; // what is drawn: the current plan with the others
   let settings = new Map(); // the controls by name
   let stale = false;
   let system = "", drawn = null; // constants of the current arm, and of the drawn mechanism
@@ -110,6 +124,7 @@ function render({ model, el }) {
 
   function set(name, value) {
     if (side.inert) return;
+    cutSecond();
     if (!waiting.size) waiting.began = performance.now();
     root.dataset.open = 1;
     waiting.set(name, value);
@@ -171,6 +186,8 @@ function render({ model, el }) {
     verdict.className = "px-verdict px-open";
     if (!root.classList.contains("px-busy")) verdict.textContent = "planning ...";
     for (const part of [facts, words]) part.classList.add("px-past");
+    if (secondIs === "new") secondIs = "old";
+    root.classList.add("px-moved");
   }
 
   function tick() {
@@ -183,6 +200,7 @@ function render({ model, el }) {
     const plans = !(kind in DOING);
     root.classList.toggle("px-busy", plans);
     charts.get("error")?.host.classList.toggle("px-past", plans || kind === "errors");
+    if (kind === "second") table.querySelector(".px-second th")?.setAttribute("data-doing", ` planning, ${Math.floor(ms / 1000)} s`);
     if (plans) words.textContent = facts.textContent = "";
     if (plans || root.dataset.kind === "not judged yet") {
       const doing = busy.stopped ? "stopping" : (DOING[kind] ?? "planning");
@@ -206,6 +224,7 @@ function render({ model, el }) {
     if (reply.controls) {
       settings = new Map(reply.controls.map((c) => [c.name, c]));
       fill(reply.controls, new Set(waiting.keys()));
+      press();
     }
     if (reply.more) return;
     const done = busy;
@@ -217,16 +236,19 @@ function render({ model, el }) {
     stopper.textContent = "Stop";
     root.classList.remove("px-busy");
     if (reply.panels) {
-      const kept = reply.error === undefined ? panels.filter((p) => p.id === "error") : [];
-      if (reply.panels.length) [page.plans, panels] = [reply.plans, [...reply.panels, ...kept]];
+      const { plans, panels } = reply;
+      if (panels.length) current = { ...current, label: plans[0].label, plans, panels };
       root.classList.toggle("px-stale", !reply.panels.length);
       charts.get("error")?.host.classList.toggle("px-past", reply.todo?.includes("errors") ?? false);
     }
     if (reply.error !== undefined) {
-      panels = panels.filter((p) => p.id !== "error");
       charts.get("error")?.host.classList.remove("px-past");
-      if (reply.error) panels.push(reply.error);
+      const { error, machine, row, why } = reply;
+      current = { ...current, error, machine, row, why };
+      if (why) tell();
+      root.classList.remove("px-moved");
     }
+    if (done.kind === "second" && !done.cut) [second, secondIs] = [reply.second ?? second, "new"];
     if (reply.system !== undefined) {
       system = reply.system;
       row.querySelector("[data-button=mechanism]").hidden = !system;
@@ -235,24 +257,25 @@ function render({ model, el }) {
     if (reply.mechanism !== undefined) showMechanism(reply);
     if (reply.kind) say(reply);
     if (reply.code !== undefined) showTexts(reply);
-    if (reply.panels || reply.error !== undefined) redraw();
+    if (reply.panels || reply.error !== undefined || reply.second) redraw();
     if (done.kind === "change") root.dataset.pictureMs = Math.round(performance.now() - done.began);
-    root.dataset.open = waiting.size + (reply.todo ? reply.todo.length : 0);
+    root.dataset.open = waiting.size + (reply.todo ? reply.todo.length : 0) + (secondIs === "old");
     root.dataset.stage = done.kind;
     root.dataset.number = done.number;
     if (done.kind === "change" || done.kind === "reset") stale = texts.childElementCount > 0;
     if (waiting.size) {
       old();
       pump();
-    } else next(reply);
+    } else next(reply, done.cut);
   }
 
   // When the sliders rest, request the remaining steps: the errors, then the verdict.
-  function next(reply) {
+  function next(reply, cut) {
     clearTimeout(resting);
     if (!reply.todo || !reply.todo.length) {
       if (stale) ask("texts"); // open code and problem file are updated too
       else if (!mechanism.hidden && system !== drawn) ask("mechanism");
+      else if (secondIs === "old" && !cut) ask("second");
       return;
     }
     const dragged = [...charts.values()].some((chart) => chart.held);
@@ -266,14 +289,91 @@ function render({ model, el }) {
     verdict.className = `px-verdict px-${word}`;
     verdict.textContent = open ? "verifying ..." : kind === "stopped" ? "stopped: no plan" : word === "good" ? kind : `refused: ${kind}`;
     words.textContent = reply.text;
-    facts.textContent = reply.facts;
+    current.facts = reply.facts;
+    tell();
     for (const part of [facts, words]) part.classList.remove("px-past");
     root.dataset.kind = kind;
-    for (const plan of page.plans) plan.refused = word === "bad" || kind === "stopped";
+    for (const plan of current.plans) plan.refused = word === "bad" || kind === "stopped";
+    current.kind = kind;
     if (!reply.panels) redraw();
   }
 
+  function tell() {
+    facts.textContent = [current.facts, current.why && `no replay: ${current.why}`].filter(Boolean).join(", ");
+  }
+
+  /** The plans beside the current one: the second plan, and those that were kept. */
+  function others() {
+    return [...(secondIs === "off" ? [] : [second]), ...kept];
+  }
+
+  /** Put the curves of the other plans and of the machine into the current plan's panels. */
+  function compose() {
+    const beside = others().filter((one) => one.plans.length);
+    page.plans = [...current.plans, ...beside.map((one) => ({ ...one.plans[0], style: lineOf(one) }))];
+    page.shown = page.plans.map(() => true);
+    panels = [...current.panels, ...(current.error ? [current.error] : [])].map((panel) => {
+      const found = beside.map((one, k) => [one, k + 1, [...one.panels, one.error].find((p) => p?.id === panel.id)]);
+      const more = found.filter(([, , other]) => other);
+      const series = [...panel.series];
+      for (const s of panel.series) {
+        const { t, names = [], values } = current.machine ?? {};
+        const place = panel.id.startsWith("joints") ? names.indexOf(s.name) : -1;
+        if (place >= 0) series.push({ ...s, t, y: values.map((row) => row[place]), machine: true });
+      }
+      for (const [one, plan, other] of more)
+        series.push(...other.series.map((s) => ({ ...s, plan, other: true, name: s.name && `${s.name}, ${one.label}` })));
+      const handles = panel.handles?.filter(({ names }) => !names || names.every((name) => settings.has(name)));
+      return { ...panel, series, handles, view: widest([panel.view, ...more.map(([, , other]) => other.view)]), until: page.plans[0].end };
+    });
+  }
+
+  /** The range, or the ranges of both axes, with room for all; undefined where any has none. */
+  function widest(views) {
+    if (views.some((view) => !view)) return undefined;
+    if (Array.isArray(views[0][0])) return [0, 1].map((k) => widest(views.map((view) => view[k])));
+    return [Math.min(...views.map((v) => v[0])), Math.max(...views.map((v) => v[1]))];
+  }
+
+  function lineOf(one) {
+    return one === second ? "beside beside-0" : `beside beside-${1 + kept.indexOf(one)}`;
+  }
+
+  /** A row of figures for each plan; they belong to the curves of the same style. */
+  function tabulate() {
+    table.replaceChildren();
+    const every = [current, ...others()];
+    const titles = every.map((one) => one.row ?? []).find((row) => row.length) ?? [];
+    const whole = make("table", {}, table);
+    const top = make("tr", {}, make("thead", {}, whole));
+    make("th", { text: "plan" }, top);
+    for (const [title, unit] of titles) {
+      const cell = make("th", { text: title, title: HELP[title] ?? "" }, top);
+      if (unit) make("span", { class: "px-unit", text: ` ${unit}` }, cell);
+    }
+    const body = make("tbody", {}, whole);
+    for (const one of every) {
+      const line = make("tr", { class: one === second ? "px-second" : one === current ? "px-current" : "px-kept" }, body);
+      const name = make("th", {}, line);
+      const plan = one.plans[0];
+      const style = one === current ? (plan?.refused ? "dashed" : "") : lineOf(one);
+      if (plan) make("span", { class: `swatch plan-${plan.colour} ${style}` }, name);
+      name.append(one.label ?? "");
+      const open = !one.kind || one.kind === "not judged yet";
+      if (!open && one.kind !== "verified") make("span", { class: "px-bad", text: ` ${one.kind}`, title: one.text ?? "" }, name);
+      if (kept.includes(one)) {
+        const label = `Drop ${one.label}`;
+        const drop = make("button", { type: "button", text: "×", "data-button": "drop", "aria-label": label, title: label }, name);
+        drop.onclick = () => redraw((kept = kept.filter((other) => other !== one)));
+      }
+      titles.forEach((_, k) => make("td", { text: one.row?.[k] ? short(one.row[k][2], 3) : "–" }, line));
+    }
+  }
+
   function redraw() {
+    if (!current.plans.length) return;
+    compose();
+    tabulate();
     const ids = panels.map((panel) => panel.id);
     if ([...charts.keys()].join() !== ids.join()) {
       grid.replaceChildren();
@@ -299,10 +399,37 @@ function render({ model, el }) {
 
   function buttons() {
     const row = make("div", { class: "px-buttons" });
-    const actions = { code: showText, file: showText, mechanism: toggleMechanism, reset };
-    for (const [kind, text] of [["code", "Python code"], ["file", "Problem file"], ["mechanism", "Mechanism"], ["reset", "Reset"]])
+    const actions = { keep, second: toggleSecond, machine: toggleMachine, feedback: toggleFeedback, code: showText, file: showText, mechanism: toggleMechanism, reset };
+    const words = { keep: "Keep this curve", second: "Second plan", machine: "Machine", feedback: "Feedback", code: "Python code", file: "Problem file", mechanism: "Mechanism", reset: "Reset" };
+    for (const [kind, text] of Object.entries(words))
       make("button", { type: "button", text, "data-button": kind }, row).onclick = () => actions[kind](kind);
     return row;
+  }
+
+  /** Hold the plan on the screen beside later ones; the oldest makes room. */
+  function keep() {
+    if (!current.plans.length) return;
+    const label = `kept ${++keptBefore}: ${current.label}`;
+    kept = [...kept, { ...current, label }].slice(-MOST_KEPT);
+    redraw();
+  }
+
+  function toggleSecond() {
+    cutSecond();
+    secondIs = secondIs === "off" ? "old" : "off";
+    press();
+    redraw();
+    if (secondIs === "old") whenFree(() => secondIs === "old" && ask("second"));
+  }
+
+  function toggleMachine() {
+    page.ghost = !page.ghost;
+    press();
+    redraw();
+  }
+
+  function toggleFeedback() {
+    if (settings.has("feedback")) set("feedback", !settings.get("feedback").shown);
   }
 
   function reset() {
@@ -329,12 +456,20 @@ function render({ model, el }) {
 
   /** Mark the buttons whose content is open. */
   function press() {
-    const open = { code: texts.dataset.wanted === "code", file: texts.dataset.wanted === "file", mechanism: !mechanism.hidden };
+    const open = { second: secondIs !== "off", machine: page.ghost, feedback: settings.get("feedback")?.shown ?? false, code: texts.dataset.wanted === "code", file: texts.dataset.wanted === "file", mechanism: !mechanism.hidden };
     for (const [kind, pressed] of Object.entries(open))
       row.querySelector(`[data-button=${kind}]`).setAttribute("aria-pressed", pressed);
   }
 
+  /** End the second plan's search for a request of the user; it is asked for again later. */
+  function cutSecond() {
+    if (busy?.kind !== "second") return;
+    busy.cut = true;
+    stop(true);
+  }
+
   function whenFree(act) {
+    cutSecond();
     if (busy || waiting.size) setTimeout(() => whenFree(act), 20);
     else {
       clearTimeout(resting);

@@ -120,7 +120,7 @@ class Chart {
     this.head.replaceChildren(title);
     if (words) make("span", { class: "unit", text: ` (${words})` }, this.head);
     if (note) make("span", { class: "unit note", text: note }, this.head);
-    const named = series.filter((s) => s.name && this.shown(s)).map((s) => [this.swatch(s), s.name]);
+    const named = series.filter((s) => s.name && !s.other && !s.machine && this.shown(s)).map((s) => [this.swatch(s), s.name]);
     const swatch = (kind) => (kind === "path" ? this.swatch(series[0]) : make("span", { class: `swatch ${kind}` }));
     const entries = [...named, ...key.map(([kind, name]) => [swatch(kind), name])];
     if (band?.name) entries.push([make("span", { class: "swatch area" }), band.name]);
@@ -213,9 +213,9 @@ function axes(svg, x, y, box, { across, percent = false, square = false }) {
   make("text", { class: "across", x: right, y: bottom + 33, "text-anchor": "end", text }, svg);
 }
 
-/** Style of a plan's lines: with feedback dotted, refused dashed, below its compensated plan wide. */
+/** Style of a plan's lines: its own, or with feedback dotted, refused dashed, below its compensated plan wide. */
 function styleOf(plan) {
-  return plan.closed ? "closed" : plan.refused ? "dashed" : plan.followed ? "followed" : "";
+  return plan.style ?? (plan.closed ? "closed" : plan.refused ? "dashed" : plan.followed ? "followed" : "");
 }
 
 /** Least and greatest of finite numbers, with a margin to the frame. */

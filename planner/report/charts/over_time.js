@@ -62,7 +62,7 @@ class TimeChart extends Chart {
     }
     (panel.ends ?? []).forEach((value, k) => {
       if (value === null) return;
-      const cx = k ? this.x(this.x.high) : this.x(0);
+      const cx = k ? this.x(panel.until ?? this.x.high) : this.x(0);
       make("circle", { class: "end", cx, cy: this.y(value), r: 4 }, over);
     });
     for (const [t, value] of panel.stops ?? [])
@@ -114,7 +114,7 @@ class TimeChart extends Chart {
       if (!this.shown(series)) continue;
       const value = at(this.times(series), series.y, t);
       if (value === null) continue;
-      const name = series.machine ? "… on the machine" : series.name;
+      const name = series.machine ? `${series.name ?? ""} … on the machine`.trim() : series.name;
       rows.push({ plan: series.plan, colour: series.colour, name, text: this.measured(value) });
     }
     if (this.panel.band && rows.length) {

@@ -90,22 +90,22 @@ def _plan(drawn: Curve, replay: Mapping[str, Any] | None) -> dict[str, Any]:
     }
     if plan.executable and can_draw(plan.problem.system):
         even = np.linspace(0, plan.duration, MOTION_PICTURES)
-        out["motion"] = _motion(plan, even, plan.q(even))
+        out["motion"] = motion_data(plan, even, plan.q(even))
         out["path"] = to_screen_digits(body_points(plan.problem, plan.q(_times(plan)))[:, -1])
         if replay is not None:
             run = replay["median"]
-            out["machine"] = _motion(plan, np.array(run["t"]), np.array(run["q"]))
+            out["machine"] = motion_data(plan, np.array(run["t"]), np.array(run["q"]))
     return out
 
 
-def _motion(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
+def motion_data(plan: Plan, t: Array, q: Array) -> dict[str, Any]:
     """Return a motion of arm or vehicle over time: its points, and coordinates in display units."""
     problem = plan.problem
     shown, w = shown_coordinates(problem.system), problem.system.user(q)
     values = np.column_stack([to_display(w[:, i], c.unit) for i, c in shown])
     return {
         "t": to_screen_digits(t - plan.lead_s),
-        "points": np.round(body_points(problem, q), 4),
+        "points": np.round(body_points(problem, q), 4) if can_draw(problem.system) else [],
         "values": np.round(values, 3),
         "names": [readable_name(c.name) for _, c in shown],
         "units": [unit_of(c) for _, c in shown],

@@ -8,13 +8,17 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError
 from planner.methods import motions
+from planner.methods.collocation.machine_end import MACHINES
+from planner.methods.collocation.transcription.follower import Follower
 from planner.methods.judgement import judge_plan, judge_slowed, refusal
 from planner.methods.refusal import Change, try_changes
 from planner.methods.registry import find_method, merged_options
@@ -24,6 +28,7 @@ from planner.problem.problem import AnyProblem, Problem, problem_of
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support.deadline import TimeUpError, is_over, time_advice, time_limit
 from planner.support.progress import tell
+from planner.systems.manipulator import Manipulator
 from planner.verification.verdict import judge
 from planner.verification.verify import Check
 
@@ -69,6 +74,9 @@ def compensate_plan(
     )
     from planner.machine.machine import machine_for
 
+    if plan.compensation is not None:
+        why = "method.collocation.end = 'machine' and compensation: choose one of the two"
+        raise InputError(why, source=plan.problem.source)
     plan = plan if plan.verified else judge_plan(plan)[0]
     problem = plan.problem
     machine = machine_for(problem.machine, machine)
@@ -147,6 +155,32 @@ def _try_settings(
             out.append(f"{change} ({words}not tried for lack of time)")
     return out, helps
 
+
+def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]]:
+    """Return what `end = "machine"` needs of a problem's machine, see `MACHINES`.
+
+    Raises:
+        InputError: If the system is not an arm with friction disks.
+    """
+    from planner.machine.feedback import means
+    from planner.machine.feedforward.follow import with_prediction
+    from planner.machine.feedforward.legs import start_shares
+    from planner.machine.machine import Machine
+
+    system = problem.system
+    if not isinstance(system, Manipulator):
+        why = f"end = 'machine' of collocation is for arms with friction disks, not a {system.kind}"
+        raise InputError(why, source=problem.source)
+    machine = Machine.from_table(problem.machine)
+    play = means.gearhead_play(system, machine)[1:] / 2
+    widths = np.append(play, means.lost_motion(system, machine))
+    lead = start_shares(machine, system)[1:] * widths
+    passing = means.mean_passing(system, machine, problem.start[None])[0]
+    follower = Follower(*(tuple(each.tolist()) for each in (widths, lead, passing)))
+    return follower, partial(with_prediction, machine=machine)
+
+
+MACHINES["machine"] = _nominal_machine
 
 MOST_SHORTER = 4
 """Most times that a plan is shortened to fit `goal.duration_max`. The duration that compensation

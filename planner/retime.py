@@ -59,11 +59,12 @@ def retime(
         VerificationError: If the retimed plan breaks another requirement of the problem.
     """
     expect_plan(plan)
-    if plan.compensation is not None:
+    if plan.is_compensated:
         raise InputError(
             "retime needs a plan whose inputs follow the kinematics, but this one is compensated"
             " for a machine; use the original plan, plan.compensates"
         )
+    plan = plan.compensates or plan
     if not plan.executable:
         raise SingularError(
             "a plan that leaves the domain of the chained-form chart has no inputs to retime",

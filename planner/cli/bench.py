@@ -182,7 +182,7 @@ def log(
         rows.append(("largest error", f"{numbers(data['largest_error_deg'])} deg"))
         rows.append(("error at the end", f"{numbers(data['terminal_error_deg'])} deg"))
         data["largest_from_motion_deg"] = np.max(np.abs(moved), axis=0).tolist()
-        if motion.compensates is not None:
+        if motion.is_compensated:
             rows.append(("", "errors are measured from the requested path, from its start on"))
             words = f"largest {numbers(data['largest_from_motion_deg'])} deg"
             rows.append(("off the prediction", f"{words}, from the compensated plan's motion"))

@@ -208,7 +208,7 @@ def _verdict(plan: Plan) -> str:
     if plan.verified:
         how = "verified by integrating its inputs independently"
         if plan.compensates is not None:
-            how = "verified on the nominal machine, for which it is compensated"
+            how = "verified on the nominal machine, for which it is made"
         text = f"The plan reaches the goal and keeps every limit ({how})."
         if plan.jump_words:
             text += f"\nIt {plan.jump_words}: limits on input rates hold from its start to its end."

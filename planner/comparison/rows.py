@@ -141,6 +141,9 @@ class Row(PlanFigures):
         if plan.executable and away > OTHER_WAY_DEG:
             more = "" if away < plain else f", no better than {plain:.3g} deg uncompensated"
             values["note"] = f"leaves the original path by up to {away:.3g} deg{more}"
+        if plan.ends_on_machine:
+            away = f"up to {plan.notes['from_ideal_deg']:.3g} deg off the ideal one"
+            values["note"] = f"errors from the motion predicted on the machine, {away}"
         return cls(spec, plan.verified, why, plan, **values)
 
     def __repr__(self) -> str:

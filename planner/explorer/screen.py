@@ -244,7 +244,7 @@ def path_line(outcome: ScreenOutcome, took_s: float) -> str:
         return ""
     if plan.verified and not plan.domain.ok:
         parts.append("leaves the chart, as this method may")
-    if plan.compensates is not None:
+    if plan.is_compensated:
         errors_deg = plan.notes["compensation"]
         now, plain = (f"{errors_deg[key]:.3g} deg" for key in ("E_deg", "plain_E_deg"))
         if not errors_deg["E_deg"] < errors_deg["plain_E_deg"]:
@@ -277,7 +277,7 @@ def picture(outcome: ScreenOutcome) -> dict[str, Any]:
     plan = outcome.plan
     if plan is None:
         return {"plans": [], "panels": []}
-    name = f"{plan.method} compensated" if plan.compensates else plan.method
+    name = plan.label
     one = PlanCurves(0, plan, times(plan, CURVE_SAMPLES))
     system = plan.problem.system
     fit = [figure for figure in PLAN_FIGURES.values() if figure.fits(system)]

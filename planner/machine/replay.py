@@ -517,7 +517,7 @@ def _draws(
             "after: a run of the same arm, machine, seed and samples, but for machine.start_state"
         )
     place = np.array([np.flatnonzero(after.numbers == k)[0] for k in numbers])
-    end = after.terminal_error[place] + after.plan.wanted(after.plan.duration)
+    end = after.terminal_error[place] + after.plan.goal
     return replace(draws, start=after.end_state[place].T, pose=end[:, 1:].T)
 
 

@@ -299,7 +299,7 @@ class _ReplayRun:
     def _end(self, chosen: slice, motion: MachineMotion) -> None:
         """Store the results of the samples `chosen` that are known only at the end of the run."""
         whole, plan = self._whole, self._plan
-        whole.terminal_error[chosen] = motion.q[:, -1] - plan.wanted(plan.duration)
+        whole.terminal_error[chosen] = motion.q[:, -1] - plan.goal
         whole.deviation[chosen] = motion.deviation
         if isinstance(system := plan.problem.system, Manipulator):
             there = DiskChain(system, self._draws.part(chosen), motion.coordinates)

@@ -84,6 +84,8 @@ def _remedies(plan: Plan, check: Check) -> tuple[list[Change], str | None]:
             return [slower, BY_COLLOCATION], None
     if len(broken) < len(check.violations) or any(v.misses_goal for v in check.violations):
         fine = "a finer mesh: more method.collocation.intervals or a higher degree"
+        if plan.compensation is not None:
+            fine = "compensation (compensation.on = true) or more time (goal.duration)"
         return other, None if other else fine
     jumps = [f"no limit on the {v.label}" for v in check.violations if np.isinf(v.value)]
     instead = changed_words(plan, [v for v in check.violations if np.isfinite(v.value)])
@@ -113,7 +115,8 @@ def refusal(
         advice: Advice in words, or None.
         changes: Changes of the problem that may help.
     """
-    name = plan.method if plan.compensation is None else f"compensated {plan.method}"
+    name = f"compensated {plan.method}" if plan.is_compensated else plan.method
+    where += " on the nominal machine" * plan.ends_on_machine
     error = VerificationError(
         f"the {name} plan breaks"
         f" {len(check.violations)} requirement{'s' if len(check.violations) > 1 else ''}{where}",

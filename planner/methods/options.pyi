@@ -43,6 +43,7 @@ class Collocation(SolveKeywords, total=False):
     input: Literal["auto", "linear", "constant"]
     rest: Literal["auto"] | bool
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
+    end: Literal["plan", "machine"]
     effort_weight: float
     smoothness_weight: float
     edge_weight: float

@@ -150,9 +150,9 @@ _ALL = (
         "collocation",
         "optimal plans in joint coordinates within all limits, by direct collocation",
         CollocationOptions,
-        partial(_call, "collocation.method", "plan_collocation"),
+        partial(_call, "collocation.machine_end", "plan_to_end"),
         keeping.collocation,
-        partial(_call, "collocation.method", "replan_collocation"),
+        partial(_call, "collocation.machine_end", "plan_to_end"),
         finds_time=True,
     ),
     Method(

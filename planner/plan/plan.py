@@ -128,8 +128,8 @@ class Plan(Frozen):
         state = "verified" if self.verified else f"not verified, status {self.status}"
         state += f": {self.why}" if self.why else ""
         name = self.method
+        name += " compensated" * self.is_compensated
         if self.compensation is not None:
-            name += " compensated"
             state += " on the nominal machine" if self.verified else ""
         said = ", ".join([*self._figures, state, *self.reservations])
         travel = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
@@ -203,9 +203,26 @@ class Plan(Frozen):
         return None if self.compensation is None else self.compensation.plan
 
     @property
+    def ends_on_machine(self) -> bool:
+        """Whether the plan was made with `end = "machine"`, so that its inputs are the original's
+        and its motion is the one predicted on the machine."""
+        return self.compensation is not None and self.options.get("end") == "machine"
+
+    @property
+    def is_compensated(self) -> bool:
+        """Whether the inputs are an original plan's, changed to follow it on a machine."""
+        return self.compensation is not None and not self.ends_on_machine
+
+    @property
+    def goal(self) -> Array:
+        """Coordinates at the end from which errors are measured, (N,): those of the original plan,
+        if there is one."""
+        return (self.compensates or self).trajectory.q(self.clock(self.duration))
+
+    @property
     def label(self) -> str:
         """Name of the plan in comparisons: the method, and whether it is compensated."""
-        return self.method if self.compensation is None else f"{self.method} {COMPENSATED}"
+        return f"{self.method} {COMPENSATED}" if self.is_compensated else self.method
 
     @property
     def start_words(self) -> str:
@@ -247,9 +264,10 @@ class Plan(Frozen):
         measured.
 
         These are the plan's own coordinates, or for a compensated plan those of the original plan
-        at the time that `clock` shows, and NaN during the preparatory motion.
+        at the time that `clock` shows, and NaN during the preparatory motion. For a plan with
+        `end = "machine"` they are the predicted ones.
         """
-        if self.compensates is None:
+        if self.compensates is None or not self.is_compensated:
             return self.trajectory.q(t)
         early = floats("t", t) < self.lead_s - ROUNDING * max(1.0, self.duration)
         return np.where(early[..., None], np.nan, self.compensates.trajectory.q(self.clock(t)))

@@ -86,6 +86,9 @@ def _end_on_the_arm(motion: Plan, worth: Worth, errors_deg: Sequence[float]) -> 
 
 def _compensated(motion: Plan, machine_file: Path | None) -> Rows:
     notes = motion.notes
+    if away := notes.get("from_ideal_deg"):
+        yield "holds", motion.start_words
+        yield "errors", f"from the predicted motion, up to {number(away)} deg off the ideal one"
     if not (compensation := notes.get("compensation")):
         return
     lead, tail = number(compensation["lead_s"]), number(compensation["tail_s"])

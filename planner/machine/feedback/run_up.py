@@ -141,7 +141,7 @@ def _search(plan: Plan, machine: Machine, *, wanted: bool = False) -> tuple[RunU
             f"one drive cannot take up the play of {system.n - 1} joints before the start; the"
             " run-up works for arms of two or three joints"
         )
-    if turns_back(plan) and plan.compensates is None and not wanted:
+    if turns_back(plan) and not plan.is_compensated and not wanted:
         why = "the drive reverses during the plan, and every joint must then cross its play again"
         return None, why
     if (first := first_motion(plan))[0] == 0:

@@ -11,14 +11,19 @@ from typing import Any
 import numpy as np
 
 from planner.errors import InputError
+from planner.machine.commands import merge_times
+from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.feedforward.correction import Correction
 from planner.machine.feedforward.legs import MOST_AWAYS_DEG, unknown_rad
 from planner.machine.feedforward.prediction import Prediction, predict
 from planner.machine.feedforward.shaping import CommandShape, MotorCommands
 from planner.machine.machine import Machine
+from planner.plan.clock import Clock
 from planner.plan.plan import Compensation, Plan, mark_cut_short
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.tables.problem_file import CompensationTable
 from planner.support import deadline
+from planner.support.calculus.bernstein import Bernstein
 from planner.support.deadline import TimeUpError, time_limit
 from planner.systems.manipulator import Manipulator
 
@@ -87,10 +92,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
         "rounds": correction.rounds,
         "unknown_deg": float(np.rad2deg(unknown_rad(machine, system))),
     }
-    state = np.round(prediction.end_state, STATE_DIGITS).tolist()
-    pose = np.round(np.rad2deg(prediction.end[1:]), STATE_DIGITS).tolist()
-    ends = {"end_state": state, "end_theta_deg": pose}
-    every = {**plan.notes, "compensation": notes, **ends}
+    every = {**plan.notes, "compensation": notes, **_ends(prediction)}
     candidate = replace(candidate, notes=every)
     return mark_cut_short(candidate, span, CUT_SHORT_WORDS) if was_cut_short else candidate
 
@@ -106,6 +108,33 @@ def _worst_joints(shape: CommandShape, system: Manipulator) -> list[dict[str, An
             out.append({"t_s": leg.place_s + earlier, "joint": joint, "deg": lacks})
         earlier += leg.seconds(shape.tick)
     return out
+
+
+def with_prediction(plan: Plan, machine: Machine) -> Plan:
+    """Return a plan with its own inputs and the motion predicted on the nominal machine; not
+    verified.
+
+    The notes `end_state` and `end_theta_deg` say where the machine comes to rest.
+    """
+    t = merge_times(np.arange(0.0, plan.duration, DEFAULT_TICK_S), plan.t)
+    prediction = predict(plan, machine, progress=lambda *_: deadline.check_stopped())
+    values = prediction.q_at(t), plan.u(t)
+    curves = (Bernstein(np.stack([each[:-1], each[1:]]), t) for each in values)
+    return replace(
+        plan,
+        options={**plan.options, "end": "machine"},
+        trajectory=StateTrajectory(plan.problem.system, *curves),
+        compensation=Compensation(plan, machine.to_dict(), Clock.running(plan.duration)),
+        notes={**plan.notes, "from_ideal_deg": prediction.error_deg, **_ends(prediction)},
+    )
+
+
+def _ends(prediction: Prediction) -> dict[str, list[float]]:
+    """Return the state and the pose at rest after a plan, for its notes."""
+    return {
+        "end_state": np.round(prediction.end_state, STATE_DIGITS).tolist(),
+        "end_theta_deg": np.round(np.rad2deg(prediction.end[1:]), STATE_DIGITS).tolist(),
+    }
 
 
 def plan_with_commands(

@@ -220,8 +220,11 @@ def polish(candidate: Candidate, accuracy: float, refinements: int) -> Candidate
 
 
 def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Inspection]:
-    """Yield the motion on finer and finer meshes until one is fine enough or has no solution."""
-    settled = False
+    """Yield the motion on finer and finer meshes until one is fine enough or has no solution.
+
+    Joints with lost motion depend on the mesh, so it is not refined for the objective alone.
+    """
+    settled = now.task.nlp.form.follower is not None
     for _ in range(most):
         settled = settled or bool(np.sum(now.savings) <= SAVING)
         if settled and now.fine(accuracy):

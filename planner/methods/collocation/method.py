@@ -136,7 +136,7 @@ def _shrink(plan: Plan, problem: Problem, options: CollocationOptions) -> Iterat
             done = polish(motion, options.accuracy, options.refinements)
             if done.exactness >= Exactness.ACCEPTED:
                 done = replace(done, start=plan.notes["start"])
-                yield _plan(problem, done, origin, options)
+                yield plan_of(problem, done, origin, options)
 
 
 def _plan_from(
@@ -170,7 +170,7 @@ def _plan_from(
         if candidate is None:
             raise refusal(problem, record, options)
         notes = {"stage": candidate.stage, "tried": record.log}
-        plan = _plan(problem, candidate, notes, options)
+        plan = plan_of(problem, candidate, notes, options)
         return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
 
 
@@ -206,7 +206,7 @@ def _finish_best(
     raise error
 
 
-def _plan(
+def plan_of(
     problem: Problem,
     candidate: Candidate,
     notes: dict[str, Any],

@@ -55,6 +55,7 @@ from planner.methods.collocation.route_paths import LADDER_INTERVALS, LEAST_TIME
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
+from planner.methods.collocation.transcription.follower import Follower
 from planner.methods.collocation.transcription.form import Form, InputKind, Mesh, objective
 from planner.problem.feasibility import travel_window, why_too_short
 from planner.problem.problem import Problem
@@ -345,7 +346,11 @@ def search_intervals(problem: Problem) -> int:
 
 
 def collocation_task(
-    problem: Problem, options: CollocationOptions, mesh: Mesh | int, direct: bool = False
+    problem: Problem,
+    options: CollocationOptions,
+    mesh: Mesh | int,
+    direct: bool = False,
+    follower: Follower | None = None,
 ) -> Task:
     """Make the task of a problem on a mesh with waypoints on edges.
 
@@ -354,6 +359,7 @@ def collocation_task(
         options: The options of the method.
         mesh: The mesh, or its approximate number of intervals if the options do not give one.
         direct: Whether to solve from a straight line, in few iterations or not at all.
+        follower: The joints of the nominal machine, if their motion is transcribed too.
     """
     goal = objective(problem, options)
     kind = input_kind(problem, "collocation", options, bool(goal.weights[3]))
@@ -366,6 +372,7 @@ def collocation_task(
         input=kind,
         inner=problem.divided,  # else links could pass through a disc between two edges
         edge="closeness" in goal.terms,
+        follower=follower,
     )
     settings = Settings(options.tolerance, options.max_iterations, solver=options.solver)
     return task(

@@ -148,13 +148,13 @@ path; and least number of iterations allowed to time a long path that is already
 def strategy(nlp: Transcription, settings: Settings) -> Strategy:
     """Return the strategy for a transcription and for the kind of start that the settings state."""
     form = nlp.form
-    short = nlp.system.size <= SHORT_CHAIN and not form.augmented
+    short = nlp.system.size <= SHORT_CHAIN and not (form.augmented or form.follower)
     if settings.near and form.intervals > MANY_INTERVALS:
         return STRATEGIES["near, many intervals"]
     if settings.near or settings.direct:
         kind = "near" if settings.near else "straight"
         return STRATEGIES[kind if short else f"{kind}, long chain"]
-    if form.augmented:
+    if form.augmented or form.follower:
         return STRATEGIES["far"]
     if not short:
         return STRATEGIES["far, long chain"]

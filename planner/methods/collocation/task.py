@@ -116,7 +116,7 @@ class Task:
                 start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
             progress.count(solves=1)
-            packed = nlp.layout.pack(start, data.widths) / data.units
+            packed = self._packed(start, data)
             packed = packed.clip(data.lower, data.upper)
             parts = nlp, replace(settings, solver=name), packed
             answer = solver_answer(partial(_run, *parts, data), partial(_unfinished, *parts))
@@ -139,9 +139,18 @@ class Task:
     def judge(self, iterate: Iterate) -> Solution:
         """Rate an iterate without a solver; the solution is ok if all rows and bounds hold."""
         data = self.bounds
-        vector = self.nlp.layout.pack(iterate, data.widths) / data.units
+        vector = self._packed(iterate, data)
         answer = SolverAnswer(vector, True, "a motion, not the best", 0)
         return _check(self.nlp, data, answer, FEASIBLE_RESIDUAL)
+
+    def _packed(self, iterate: Iterate, data: Bounds) -> Array:
+        """Return an iterate as a vector, with the motion of a follower that belongs to it."""
+        if follower := self.nlp.form.follower:
+            seconds = (self.mesh.widths * iterate.duration)[:, None]
+            ways = seconds * np.mean(iterate.input_ends(), axis=0)
+            parts = self.nlp.system, self.problem.start, ways, self.demands.smoothing
+            iterate = replace(iterate, joints=follower.run(*parts))
+        return np.asarray(self.nlp.layout.pack(iterate, data.widths) / data.units)
 
     def curve(self, iterate: Iterate) -> StateTrajectory:
         """Return the motion that an iterate of the task describes, as a trajectory."""

@@ -211,6 +211,10 @@ class CollocationOptions(Table):
     weight of 1 %; the result is within 2 % of the least duration. mixed: a weighted sum of duration
     and the others. auto: effort if the duration is fixed; else time if both inputs are limited;
     else mixed."""
+    end: Literal["plan", "machine"] = "plan"
+    """Where the plan must end at the goal. plan: in the ideal kinematics; machine: on the nominal
+    machine of an arm too, by a turn beyond the goal and back. Such a plan rests at both ends; its
+    errors are measured from the motion predicted on that machine."""
     effort_weight: Annotated[float, Field(gt=0)] = 1.0
     """Weight of the effort beside the duration in the objective 'mixed'."""
     smoothness_weight: Annotated[float, Field(ge=0)] = 0.0

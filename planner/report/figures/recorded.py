@@ -50,7 +50,7 @@ def plot_run(
     t = log.t - log.start_s(plan)
     planned = log.theta_deg - log.errors_deg(plan)[1]
     compensated = plan.compensates is not None
-    name_of_plan = "motion that the compensated plan expects" if compensated else "plan"
+    name_of_plan = f"motion that the {plan.label} plan expects" if compensated else "plan"
     for i in range(joints):
         above, below = axes[0, i], axes[1, i]
         above.plot(t, log.theta_deg[:, i], **RECORDED_STYLE, label="recorded")

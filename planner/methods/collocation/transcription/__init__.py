@@ -1,5 +1,6 @@
 """The transcription of a problem to a nonlinear programme.
 
 Read the files in this order: `form` (and the objective), `augmented` (a motion with its response to
-errors), `interval`, `unknowns`, `bounds`, `transcription` (with the derivatives).
+errors), `follower` (joints with lost motion), `interval`, `unknowns`, `bounds`, `transcription`
+(with the derivatives).
 """

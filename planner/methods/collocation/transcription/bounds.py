@@ -19,10 +19,13 @@ MOST_DRAWN_IN = 0.1
 """Largest amount by which a limit is tightened, as a share of half the range from low to high; a
 mesh that needs more is far too coarse."""
 
+Sides = tuple[Array | float, Array | float]
+"""Lower and upper bounds."""
+
 
 @dataclass(frozen=True)
 class InputDemands:
-    """Demands on the inputs beside the problem's limits.
+    """Demands beside the problem's limits, most of them on the inputs.
 
     Attributes:
         rest: Whether the inputs are zero at both ends.
@@ -30,6 +33,9 @@ class InputDemands:
         turns: Fractions of the duration at which the sign of u₁ changes.
         effort: Largest ∫ u₁² + u₂² dt, if the transcription has it as a state.
         timeless: Whether to leave out limits that depend on inputs, since a path has no timing.
+        joint_ends: Least and greatest angles of a follower's joints at the marks of the mesh and at
+            the end, two (M+1, n), rad.
+        smoothing: The angle ε of a follower, rad.
     """
 
     rest: bool = False
@@ -37,6 +43,8 @@ class InputDemands:
     turns: tuple[float, ...] = ()
     effort: float = np.inf
     timeless: bool = False
+    joint_ends: Sides = (-np.inf, np.inf)
+    smoothing: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +138,8 @@ def bounds(
     numbers = [number for requirement in every for number in requirement.row_field_values]
     duration = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
-    parameters = np.concatenate([weights, numbers, duration, mesh.widths])
+    smoothing = [demands.smoothing] * (nlp.form.follower is not None)
+    parameters = np.concatenate([weights, numbers, smoothing, duration, mesh.widths])
     sides = lower / of_unknowns, upper / of_unknowns, row_lower.ravel(), row_upper.ravel()
     return Bounds(*sides, parameters, mesh.widths, of_unknowns)
 
@@ -149,7 +158,7 @@ def _limits(
     upper = np.full(places.size, np.inf)
     lower = -upper
 
-    def restrict(unknowns: Index, sides: tuple[Array, Array], inset: Array | float = 0.0) -> None:
+    def restrict(unknowns: Index, sides: Sides, inset: Array | float = 0.0) -> None:
         lower[unknowns] = np.maximum(lower[unknowns], sides[0] + inset)
         upper[unknowns] = np.minimum(upper[unknowns], sides[1] - inset)
 
@@ -169,6 +178,7 @@ def _limits(
                 restrict(points, (low[place], high[place]), inside[:, [r + place]])
         r += len(index)
     restrict(places.nodes[-1, list(problem.free)], (-problem.free_within, problem.free_within))
+    restrict(places.joints[[*mesh.marks, -1], : problem.system.size - 1], demands.joint_ends)
     lower[places.durations[:1]] = SHORTEST_S * nlp.form.units.time_s
     if demands.first_sign:
         turned = np.searchsorted(demands.turns, nlp.form.input_places(mesh))
@@ -181,6 +191,7 @@ def _limits(
     fixed += [(places.durations[:1], np.array([duration])[: len(places.durations)])]
     stops = zip(mesh.marks, problem.waypoints, strict=True)
     fixed += [(places.nodes[k, :N], point.q) for k, point in stops]
+    fixed += [(places.joints[0], arm.start(problem.start))] if (arm := nlp.form.follower) else []
     fixed += [(places.inputs[[0, -1]].ravel(), np.zeros(4))] if demands.rest else []
     for where, values in fixed:
         is_fixed = ~np.isnan(values)

@@ -21,6 +21,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.methods.collocation.transcription.augmented import Augmented
+from planner.methods.collocation.transcription.follower import Follower
 from planner.plan.measures import Objective
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
@@ -171,6 +172,7 @@ class Form:
         inner: Whether requirements on coordinates have rows at the collocation points too, not only
             at the mesh's edges.
         augmented: The system with its response to errors, if that is transcribed; else None.
+        follower: The joints of the nominal machine, if their motion is transcribed too; else None.
         units: Units of the unknowns, and of rows that depend on inputs.
     """
 
@@ -184,14 +186,15 @@ class Form:
     final: tuple[Requirement, ...] = ()
     edge: bool = False
     augmented: Augmented | None = None
+    follower: Follower | None = None
     units: Units = Units()
 
     @property
     def parameters(self) -> int:
         """Number of parameters of an interval besides its width: weights of the objective, numbers
-        of the requirements, and the duration if fixed."""
+        of the requirements, the smoothing of a follower, and the duration if fixed."""
         numbers = sum(len(requirement.row_fields) for requirement in (*self.kept, *self.final))
-        return TERMS + numbers + (not self.free_duration)
+        return TERMS + numbers + (self.follower is not None) + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:

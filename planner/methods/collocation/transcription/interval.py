@@ -104,6 +104,8 @@ class _Symbols:
             self.u_left = ca.SX.sym("V", 2)
             self.u_right = self.u_left + self.seconds * first
             state.append(self.u_left)
+        self.joints = ca.SX.sym("B", form.follower.size if form.follower else 0)
+        state.append(self.joints)
         self.state = ca.vertcat(*state)
         self.control = ca.vertcat(*control, ca.vec(self.lifted))
 
@@ -210,6 +212,11 @@ def _motion(
         for i in range(2):
             after.append(x.u_right[i])
             rows.add("carried", i, end, [after[-1]])
+    if form.follower:
+        way = x.seconds * form.units.time_s * ca.DM(form.units.inputs) * (x.u_left + x.u_right) / 2
+        smoothing = x.weights[form.parameters - 1 - (not form.free_duration)]
+        after += form.follower.step(system, x.joints, way, smoothing)
+        rows.add("carried", 0, np.ones(form.follower.size), after[-form.follower.size :])
     return ca.vertcat(*after)
 
 

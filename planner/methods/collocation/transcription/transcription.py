@@ -212,6 +212,7 @@ class Transcription:
             nodes=vector[at.nodes],
             points=points.reshape(at.intervals, self.form.degree, -1),
             inputs=vector[at.inputs],
+            joints=vector[at.joints],
         )
         return float(values[0]), rows, iterate
 

@@ -1,12 +1,13 @@
 """The vector of unknowns of a solver, and the motions that it describes.
 
-    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V])        c = (U, P)
+    w = (y₀, c₀, y₁, c₁, …, y_K)        y = (X, [T], [V], [B])        c = (U, P)
 
 The order is by stages, as solvers for optimal control require it: the state y at an edge of the
 mesh, then the control c of the interval that begins there. X are the coordinates. A free duration T
 is a constant state, so that no unknown belongs to all stages. The input U is a constant; or, if it
-must not jump, the slope of a line that starts at V, which is then part of the state. P are the
-collocation values of the lifted coordinates (see `order`); the manipulator has none.
+must not jump, the slope of a line that starts at V, which is then part of the state. B are the
+joints of the nominal machine (see `follower`). P are the collocation values of the lifted
+coordinates (see `order`); the manipulator has none.
 
 Two motions are computed from the vector: the interpolant of the scheme, and the true motion under
 the input, by a Runge–Kutta method with small fixed steps. The true motion is sampled between the
@@ -16,7 +17,7 @@ system as the transcription; the independent judge is `verify`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -45,12 +46,14 @@ class Iterate:
         nodes: States at the mesh's edges, shape (K+1, N).
         points: States at the collocation points, shape (K, d, N).
         inputs: Inputs, shape (K, 2) if constant in each interval, (K+1, 2) at the edges if linear.
+        joints: States of a `Follower` at the mesh's edges, shape (K+1, P).
     """
 
     duration: float
     nodes: Array
     points: Array
     inputs: Array
+    joints: Array = field(default_factory=lambda: np.zeros((1, 0)))
 
     def input_ends(self) -> tuple[Array, Array]:
         """Return the inputs at the left and at the right end of each interval, both (K, 2)."""
@@ -71,6 +74,7 @@ class Layout:
         durations: Positions of T, shape (K+1,), or (0,) if T is known.
         inputs: Positions of the inputs, in the shape of `Iterate.inputs`.
         slopes: Positions of the slopes of a linear input, shape (K, 2), else (0, 2).
+        joints: Positions of B, shape (K+1, P).
         points: Positions of P, shape (K, d, L).
         lifted: The L lifted coordinates.
     """
@@ -82,6 +86,7 @@ class Layout:
     durations: Index
     inputs: Index
     slopes: Index
+    joints: Index
     points: Index
     lifted: tuple[int, ...]
 
@@ -106,6 +111,7 @@ class Layout:
         if len(self.slopes):
             left, right = iterate.input_ends()
             w[self.slopes] = (right - left) / (widths[:, None] * iterate.duration)
+        w[self.joints] = iterate.joints
         w[self.points] = iterate.points[:, :, list(self.lifted)]
         return w
 
@@ -115,7 +121,8 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
     K, d = form.intervals, form.degree
     linear = form.input == "linear"
     corners = size + form.free_duration
-    state = corners + (2 if linear else 0)
+    first = corners + (2 if linear else 0)
+    state = first + (form.follower.size if form.follower else 0)
     control = 2 + d * len(lifted)
     edges = (state + control) * np.arange(K + 1)
     controls = edges[:-1, None] + state + np.arange(control)
@@ -127,6 +134,7 @@ def layout(form: Form, size: int, lifted: tuple[int, ...]) -> Layout:
         durations=edges + size if form.free_duration else np.empty(0, dtype=np.int64),
         inputs=edges[:, None] + corners + np.arange(2) if linear else controls[:, :2],
         slopes=controls[:, :2] if linear else np.empty((0, 2), dtype=np.int64),
+        joints=edges[:, None] + np.arange(first, state),
         points=controls[:, 2:].reshape(K, d, len(lifted)),
         lifted=lifted,
     )

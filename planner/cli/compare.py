@@ -44,6 +44,7 @@ from planner.comparison.compare import compare as run
 from planner.comparison.compare import plan_rows
 from planner.comparison.comparison import Comparison, worst_command
 from planner.comparison.differences import rich_differences
+from planner.comparison.headline import By
 from planner.errors import InputError, NoPlanError
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan
@@ -86,6 +87,7 @@ def compare(
             help="Also compute the error that each machine effect causes (needs extra `budget`).",
         ),
     ] = False,
+    by: Annotated[By, typer.Option("--by", help="What the plan to take is chosen by.")] = "way",
     time_limit: TimeLimit = None,
     changes: Changes = None,
     machine: MachineFile = None,
@@ -110,6 +112,7 @@ def compare(
       planner compare problems/paper.toml --out out/paper --report
       planner compare problems/paper.toml --methods sinusoid,collocation -n 200
       planner compare problems/paper.toml --methods "collocation compensated"
+      planner compare problems/paper.toml --methods collocation,collocation:end=machine --by end
       planner compare problems/paper.toml --methods all --feedback --budget
       planner compare problems/paper.toml --methods collocation:intervals=20
     """
@@ -127,6 +130,7 @@ def compare(
             feedback=feedback,
             progress=progress,
             time_limit_s=time_limit,
+            by=by,
         )
     if result is None:
         raise KeyboardInterrupt

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import Comparison
+from planner.comparison.headline import FIGURES, By
 from planner.comparison.rows import Row, machine_figures
 from planner.compensation import compensate_in_time
 from planner.errors import (
@@ -56,6 +57,7 @@ def compare(
     progress: Tell | None = None,
     time_limit_s: float | None = None,
     threshold_deg: float = LEAST_DIFFERENCE_DEG,
+    by: By = "way",
 ) -> Comparison:
     """Plan one problem with several methods and replay every plan on the same emulated machines.
 
@@ -84,6 +86,8 @@ def compare(
         time_limit_s: Seconds for planning with each method; see `planner.solve`.
         threshold_deg: A difference of E below this is too small to matter, degrees: the plan counts
             as neither better nor worse, even if the difference is significant.
+        by: What the headline chooses the plan by: "way", the error E at any time; "end", the error
+            at the end; "effort"; or "time", the whole duration.
 
     Raises:
         InputError: If a method, an option, or a number is wrong.
@@ -96,6 +100,8 @@ def compare(
     requests = list(dict.fromkeys(replace(spec, feedback=False) for spec in named))
     distribution = machine_for(problem.machine, machine)
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
+    if by not in FIGURES:
+        raise InputError(f"by = {by!r}: must be one of {', '.join(FIGURES)}")
     if not threshold_deg >= 0:
         raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
     closed = [spec for spec in requests if feedback or replace(spec, feedback=True) in named]
@@ -118,7 +124,7 @@ def compare(
             raise
     rows = tuple(run.rows)
     return Comparison(
-        problem, rows, distribution, len(numbers), seed, chosen, complete, float(threshold_deg)
+        problem, rows, distribution, len(numbers), seed, chosen, complete, float(threshold_deg), by
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.comparison.headline import compare_pairs, headline, recommend
+from planner.comparison.headline import By, compare_pairs, headline, recommend
 from planner.comparison.rows import (
     FEEDBACK_NOTE,
     Row,
@@ -60,6 +60,7 @@ class Comparison(Frozen):
         chosen: Sample numbers of the machines; None for the first `samples`.
         complete: Whether all rows are finished; False after Ctrl-C.
         threshold_deg: Differences of E below this count as neither better nor worse, degrees.
+        by: What the recommended plan is chosen by.
     """
 
     problem: Problem
@@ -70,6 +71,7 @@ class Comparison(Frozen):
     chosen: tuple[int, ...] | None = None
     complete: bool = True
     threshold_deg: float = LEAST_DIFFERENCE_DEG
+    by: By = "way"
 
     def __repr__(self) -> str:
         rows = "".join(f"\n  {row!r}" for row in self.rows)
@@ -112,7 +114,7 @@ class Comparison(Frozen):
     @cached_property
     def headline_parts(self) -> tuple[str, str, str]:
         """The headline before, at and after the first mention of the recommended plan's label."""
-        start, label, rest = headline(self.rows, self.threshold_deg, self.machine)
+        start, label, rest = headline(self.rows, self.threshold_deg, self.machine, self.by)
         partial = "" if self.complete else "Interrupted: only the finished rows count. "
         worth = self.machine.worth
         known = "" if worth is None else f"The machine was identified: {worth.words}. "
@@ -121,7 +123,7 @@ class Comparison(Frozen):
     @cached_property
     def recommended(self) -> Row | None:
         """The row of the plan to take without feedback; None if no method has a verified plan."""
-        return recommend(self.rows, self.threshold_deg)
+        return recommend(self.rows, self.threshold_deg, self.by)
 
     @property
     def advice(self) -> Mapping[str, str]:
@@ -147,6 +149,7 @@ class Comparison(Frozen):
             "seed": self.seed,
             "chosen": self.chosen,
             "threshold_deg": self.threshold_deg,
+            "by": self.by,
             "complete": self.complete,
             "rows": [
                 {**row.to_dict(self.problem.system), "worst_command": worst_command(self, row)}
@@ -269,7 +272,7 @@ def command(
         words += ["--sample", str(sample)]
     if comparison.chosen is None:
         words += ["--samples", str(comparison.samples)]
-    words += ["--seed", str(comparison.seed)]
+    words += ["--seed", str(comparison.seed), *["--by", comparison.by] * (comparison.by != "way")]
     if file := comparison.machine.source:
         words += ["--machine", file]
     words += set_words(settings)

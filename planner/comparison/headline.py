@@ -28,6 +28,16 @@ LEAST_RUN_UP_S = 0.5
 """Longest motion of the arm beyond the plan's duration, in seconds, that needs no warning."""
 
 
+By = Literal["way", "end", "effort", "time"]
+FIGURES: dict[By, str] = {
+    "way": "E_median_deg",
+    "end": "end_median_deg",
+    "effort": "effort",
+    "time": "duration_s",
+}
+"""The figure of a row that decides, by what was asked."""
+
+
 def compare_pairs(
     rows: Sequence[Row], which: Literal["E", "end"], threshold_deg: float
 ) -> tuple[Difference, ...]:
@@ -46,31 +56,43 @@ def compare_pairs(
     return differences(errors, threshold_deg, others)
 
 
-def recommend(rows: Sequence[Row], threshold_deg: float) -> Row | None:
+def recommend(rows: Sequence[Row], threshold_deg: float, by: By = "way") -> Row | None:
     """Return the plan to take without feedback; None if no method has a verified plan that breaks
     a physical limit on at most `MOST_BEYOND_PERCENT` of the machines.
 
-    The best plan is the plan with the smallest median E. Among the plans that the
-    paired test does not find worse than the best, the plan with the least effort is taken. If no
-    plan has an E, effort alone decides.
+    The best plan is the plan with the smallest median E, or error at the end. Among the plans that
+    the paired test does not find worse than the best, the plan with the least effort is taken. If
+    no plan has an E, effort alone decides. By effort or time there is no test.
 
     Args:
         rows: The rows of a comparison.
         threshold_deg: A smaller difference of E does not matter, degrees.
+        by: What to choose by. E of a plan with `end = "machine"` is from another motion than that
+            of the others, so that such a plan is not chosen by the way if there are others.
     """
-    solved = [row for row in _solved(rows) if not _breaks_limits(row)]
+    solved = [row for row in _solved(rows, by) if not _breaks_limits(row)]
     if not solved:
         return None
     finite = [row for row in solved if np.isfinite(row.E_median_deg)]
-    if finite:
-        best = min(finite, key=lambda row: row.E_median_deg)
-        worse = _worse_than(best, rows, threshold_deg)
-        solved = [row for row in finite if row.label not in worse]
-    return min(solved, key=lambda row: row.effort if np.isfinite(row.effort) else np.inf)
+    if finite and by in ("way", "end"):
+        best = min(finite, key=lambda row: _figure(row, by))
+        worse = _worse_than(best, rows, threshold_deg, *_tested(by))
+        solved, by = [row for row in finite if row.label not in worse], "effort"
+    return min(solved, key=lambda row: (_figure(row, by), _figure(row, "effort")))
 
 
-def _solved(rows: Sequence[Row]) -> list[Row]:
-    return [row for row in rows if row.solved and not row.feedback]
+def _solved(rows: Sequence[Row], by: By) -> list[Row]:
+    solved = [row for row in rows if row.solved and not row.feedback]
+    alike = [row for row in solved if row.plan is None or not row.plan.ends_on_machine]
+    return alike or solved if by == "way" else solved
+
+
+def _tested(by: By) -> tuple[Literal["end"], ...]:
+    return ("end",) if by == "end" else ()
+
+
+def _figure(row: Row, by: By) -> float:
+    return float(np.nan_to_num(getattr(row, FIGURES[by]), nan=np.inf))
 
 
 def _breaks_limits(row: Row) -> bool:
@@ -91,7 +113,9 @@ def _worse_than(
     return out - {row.label}
 
 
-def headline(rows: Sequence[Row], threshold_deg: float, machine: Machine) -> tuple[str, str, str]:
+def headline(
+    rows: Sequence[Row], threshold_deg: float, machine: Machine, by: By = "way"
+) -> tuple[str, str, str]:
     """Return as plain text which plan to take, why, and what this plan costs.
 
     The text has three parts: the first mention of that plan's label, and what is before and after
@@ -102,8 +126,9 @@ def headline(rows: Sequence[Row], threshold_deg: float, machine: Machine) -> tup
         threshold_deg: A smaller difference of E does not matter, degrees.
         machine: The machines of the replays; the errors of an arm depend on their fidelity and on
             how they stood before the start.
+        by: What to choose by, see `recommend`.
     """
-    row, solved = recommend(rows, threshold_deg), _solved(rows)
+    row, solved = recommend(rows, threshold_deg, by), _solved(rows, by)
     if row is None and solved:
         row = min(solved, key=lambda each: each.beyond_physical)
         fewest = ", the fewest of all plans" if len(solved) > 1 else ""
@@ -118,44 +143,46 @@ def headline(rows: Sequence[Row], threshold_deg: float, machine: Machine) -> tup
             return "", row.label, f" reaches the goal and keeps every limit.{tail}"
         only = ": the only plan that reaches the goal and keeps every limit."
         return "Take ", row.label, only + tail
-    if not np.isfinite(row.E_median_deg):
-        least = f": of {len(solved)} verified plans it has the least effort."
-        return "Take ", row.label, least + refused
+    if by in ("effort", "time") or not np.isfinite(row.E_median_deg):
+        what = "time" if by == "time" else "effort"
+        least = f": of {len(solved)} verified plans it has the least {what}."
+        return "Take ", row.label, least + tail + refused
     others = [r for r in solved if r is not row]
     plain = next((r for r in others if r.spec == row.spec.plain), None)
-    peers = [r for r in others if r.spec.compensated == row.spec.compensated]
-    rival = min(peers, key=_median, default=None)
-    other = plain or rival or min(others, key=_median)
+    alike = (r for r in others if by == "end" or r.spec.compensated == row.spec.compensated)
+    rival = min(alike, key=lambda r: _figure(r, by), default=None)
+    other = plain or rival or min(others, key=lambda r: _figure(r, by))
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     loses = row.end_median_deg > other.end_median_deg
     reason += " but" if loses and row.E_median_deg <= other.E_median_deg else ""
     reason += f" {_degrees(row.end_median_deg)} instead of {_degrees(other.end_median_deg)} at the"
-    reason += f" end{_machines(row, machine)}."
-    if other is not rival and (costs := _costs(row, other)):
+    reason += " end"
+    if by == "end":
+        reason = f"{_degrees(row.end_median_deg)} in the median"
+    reason += f"{_machines(row, machine)}."
+    if by == "way" and other is not rival and (costs := _costs(row, other)):
         reason += f" {row.label} takes {costs}."
     if rival is not None:
-        worse = rival.label in _worse_than(row, rows, threshold_deg)
-        reason += _against(row, rival, worse, threshold_deg)
-    tail += f"{_what_decides(solved, threshold_deg)}{_follow_up(rows, row)}{refused}"
-    return "Take ", row.label, f": {reason}{tail}"
+        worse = rival.label in _worse_than(row, rows, threshold_deg, *_tested(by))
+        reason += _against(row, rival, worse, threshold_deg, by)
+    tail += _what_decides(solved, threshold_deg) if by == "way" else ""
+    tail += f"{_follow_up(rows, row)}{refused}"
+    return "Take ", row.label, f" for the {by}: {reason}{tail}"
 
 
-def _median(row: Row) -> float:
-    return float(np.nan_to_num(row.E_median_deg, nan=np.inf))
-
-
-def _against(row: Row, rival: Row, worse: bool, threshold_deg: float) -> str:
+def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) -> str:
     """Return a sentence that compares a plan with its rival: test result and costs.
 
     `worse` says whether the paired test finds the rival worse by `threshold_deg` or more.
     """
-    name = f"{rival.label} (E {_degrees(rival.E_median_deg)})"
+    name = f"{rival.label} ({'E ' * (by == 'way')}{_degrees(_figure(rival, by))})"
     if _breaks_limits(rival) and not _breaks_limits(row):
         return f" {name} breaks a limit on {number(rival.beyond_physical)} % of the machines."
     if worse:
-        costs, kind = _costs(row, rival), "" if row.spec.compensated else "out"
-        best = f" The next best plan with{kind} compensation is {name}."
+        costs, kind = _costs(row, rival), "with" if row.spec.compensated else "without"
+        kind = f" {kind} compensation" * (by == "way")
+        best = f" The next best plan{kind} is {name}."
         return best + (f" {row.label} takes {costs}." if costs else "")
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""

@@ -68,6 +68,7 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
             **numbers,
             chosen=None if chosen is None else tuple(sample_numbers(chosen).tolist()),
             threshold_deg=1.0 * data.get("threshold_deg", LEAST_DIFFERENCE_DEG),
+            by=data.get("by", "way"),
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise InputError(

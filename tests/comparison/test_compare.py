@@ -75,7 +75,8 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     assert said in result.markdown().split("Longer than goal.duration: ")[1]
     words = result.headline
     taken = result[COMPENSATED]  # the paired test tells it from the other in neither error
-    assert words.startswith(f"Take {taken.label}: E {number(taken.E_median_deg)} deg in the median")
+    start = f"Take {taken.label} for the way: E {number(taken.E_median_deg)} deg in the median"
+    assert words.startswith(start)
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
     assert f". {taken.label} takes " in words
@@ -95,6 +96,30 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
         gap = result[end.first].replay.terminal_E_deg - result[end.second].replay.terminal_E_deg
         assert (E.first, E.second) == (end.first, end.second)
         assert end.median_deg == np.median(gap)
+
+
+def test_the_plan_to_take_is_chosen_by_what_was_asked(tmp_path: Path) -> None:
+    """The plan that ends at the goal by its way has a small E from its own motion alone: it is not
+    for the way, and at the end no worse than the compensated plan, which takes more."""
+    problem, turning = ROOT / "problems/paper.toml", "collocation:end=machine"
+    given = planner.load_problem(problem, CHANGES)
+    result = planner.compare(given, [OPTIMAL, turning, COMPENSATED], samples=60, by="end")
+    ends = {row.label: row.end_median_deg for row in result.rows}
+    assert ends[turning] < ends[COMPENSATED] + 0.2 < ends[OPTIMAL] - 3
+    assert result[turning].E_median_deg < result[OPTIMAL].E_median_deg - 3
+    assert "errors from the motion predicted on the machine" in result[turning].note
+    words = f"Take {turning} for the end: {number(ends[turning])} deg in the median"
+    assert result.headline.startswith(words)
+    assert f"{COMPENSATED} ({number(ends[COMPENSATED])} deg)" in result.headline
+    taken = {by: replace(result, by=by).recommended for by in ("way", "end", "effort", "time")}
+    assert {by: row.label for by, row in taken.items() if row} == {
+        "way": COMPENSATED, "end": turning, "effort": OPTIMAL, "time": OPTIMAL
+    }  # fmt: skip
+    assert replace(result, by="effort").headline.startswith(f"Take {OPTIMAL}: of 3 verified plans")
+    assert "--by end" in str(result.to_dict()["command"])
+    assert planner.report.load_comparison(result.save(tmp_path / "kept")).by == "end"
+    with pytest.raises(planner.InputError, match="way, end, effort, time"):
+        planner.compare(given, [OPTIMAL], samples=1, by="goal")  # type: ignore[arg-type]
 
 
 def test_the_headline_says_when_there_is_no_choice() -> None:

@@ -14,7 +14,10 @@ NAMES = [path.stem for path in NOTEBOOKS]
 
 # What takes long is made smaller here; `make docs` runs the notebooks as they are.
 # In `make test` run those that take little; CI and `pytest -m campaign` run the dear ones too.
-DEAR = ("bring-your-arm", "design", "paper", "polynomial-against-optimal", "tuning-sensitivity")
+DEAR = (
+    "bring-your-arm", "design", "not-like-its-model", "paper", "polynomial-against-optimal",
+    "tuning-sensitivity",
+)  # fmt: skip
 
 SOME = ["polynomial:travel=middle", "polynomial:points=auto", "collocation"]
 SMALLER = {

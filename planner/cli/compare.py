@@ -112,7 +112,8 @@ def compare(
       planner compare problems/paper.toml --out out/paper --report
       planner compare problems/paper.toml --methods sinusoid,collocation -n 200
       planner compare problems/paper.toml --methods "collocation compensated"
-      planner compare problems/paper.toml --methods collocation,collocation:end=machine --by end
+      planner compare problems/paper.toml --methods collocation:end=machine
+      planner compare problems/paper.toml --by end
       planner compare problems/paper.toml --methods all --feedback --budget
       planner compare problems/paper.toml --methods collocation:intervals=20
     """

@@ -39,8 +39,8 @@ WALKS = {
         "docs/reference/commands.md",
     ],
     **{
-        name: [f"docs/{name}.md" if name == "start" else f"docs/howto/{name}.md"]
-        for name in ("start", "compare", "design", "files", "sweep", "systems", "tune")
+        name: [f"docs/{name}.md" if name in ("start", "theory") else f"docs/howto/{name}.md"]
+        for name in ("start", "compare", "design", "files", "sweep", "systems", "theory", "tune")
     },
 }
 """Pages that are walked with the same files. The notebooks' tests cover docs/howto/explore."""

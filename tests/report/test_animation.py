@@ -166,7 +166,7 @@ def test_obstacles_and_waypoints_are_in_the_picture(plan: planner.Plan) -> None:
     assert tuple(disc.center) == (0.8, 2.2)
     assert disc.radius == 0.3
     texts = [note.get_text() for note in axes[0, 0].texts]
-    assert texts.count("obstacle 1") == texts.count("waypoint 1") == 1
+    assert texts.count("obstacle\n1") == texts.count("waypoint 1") == 1
     assert "waypoint 2" not in texts
 
 

@@ -43,7 +43,7 @@ def verdict_html(comparison: Comparison) -> str:
     if (take := comparison.recommended) and len(rows) > 1:
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
         if np.isfinite(take.E_median_deg):
-            text += " E is a joint's largest error on the machine, after any preparation."
+            text += " E is the largest error of any joint on the machine, after any preparation."
     return text
 
 

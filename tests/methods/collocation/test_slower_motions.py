@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.methods.collocation import best, method, pipeline, route_paths
+from planner.methods.collocation import best, machine_end, pipeline, route_paths
 from planner.methods.collocation.between_nodes import inspect
 from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.long_arms.bridges import PieceChain, cut_finer, ends_of
@@ -247,13 +247,13 @@ def test_a_longer_duration_is_tried_with_the_motion_that_was_refused(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One search is enough: whoever has a motion has every slower one."""
-    searches, usual = [], method.plan_collocation
+    searches, usual = [], machine_end.plan_collocation
 
     def plan(problem: planner.Problem, options: CollocationOptions) -> planner.Plan:
         searches.append(problem.duration)
         return usual(problem, options)
 
-    monkeypatch.setattr(method, "plan_collocation", plan)
+    monkeypatch.setattr(machine_end, "plan_collocation", plan)
     with pytest.raises(planner.NoPlanError, match=r"goal\.duration = 3\.1\d* or more \(tried\)"):
         planner.solve(paper.changed({"goal.duration": 2.5}))
     assert searches == [2.5]

@@ -69,7 +69,9 @@ def plan_to_end(problem: Problem, options: CollocationOptions, warm: Plan | None
     if options.end == "plan":
         return search(problem, options)
     follower, run = MACHINES[options.end](problem)
-    with progress.progress_listener(None), deadline.time_limit(options.time_limit_s):
+    # The plan alone is not an answer.
+    span = deadline.time_limit(options.time_limit_s, has_answer=lambda: False)
+    with progress.progress_listener(None), span:
         options = options.model_copy(update={"end": "plan", "rest": True})
         near = search(problem, options)
         if not any(follower.widths):

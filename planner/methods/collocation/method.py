@@ -84,8 +84,7 @@ def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:
     ):
         while part.obstacles != posts:
             try:
-                found = _plan_beside(part, options, records, "first")
-                plan = replace(found, problem=problem)
+                plan = replace(_plan_beside(part, options, records, "first"), problem=problem)
             except NoPlanError:
                 stages = "all" if problem.duration is None else "last"
                 break

@@ -57,6 +57,12 @@ def series_slopes(count: int) -> Array:
 
 
 @lru_cache(maxsize=16)
+def differentiation(count: int) -> Array:
+    """Return the matrix from values at `count` Lobatto points to the derivative at each point."""
+    return np.asarray(series_slopes(count) @ to_series(count))
+
+
+@lru_cache(maxsize=16)
 def to_bernstein(count: int) -> Array:
     """Return the matrix from values at `count` Lobatto points to Bernstein coefficients.
 
@@ -127,8 +133,7 @@ class Grid:
 
     def derivative(self, f: Array) -> Array:
         """Return df/dt at the points of the grid, from values f there."""
-        slopes = series_slopes(DEGREE + 1) @ to_series(DEGREE + 1)
-        return _on_pieces(slopes, f) / self._width(f)
+        return _on_pieces(differentiation(DEGREE + 1), f) / self._width(f)
 
     def tail(self, f: Array) -> Array:
         """Return the larger magnitude of each piece's last two Chebyshev coefficients, (P, …)."""

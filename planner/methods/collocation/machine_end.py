@@ -23,7 +23,6 @@ from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.task import Task, iterate_of_inputs
 from planner.methods.collocation.transcription.follower import Follower
 from planner.methods.collocation.transcription.form import through
-from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.plan import Plan
 from planner.problem.problem import Problem
 from planner.problem.requirements.places import Waypoint
@@ -90,7 +89,10 @@ def _turn_beyond(
     """Return a plan near the given one whose nominal machine ends at the goal too; if several
     rounds do not suffice, the plan that ends nearest."""
     job, wanted = _task(problem, options, near, follower)
-    iterate = _guess(job, near)
+    # The first guess is the plan in less time, and rest.
+    duration, s = job.problem.duration or near.duration / PATH_SHARE, job.mesh.edges / PATH_SHARE
+    u = near.trajectory.u(np.minimum(s, 1.0) * near.duration)
+    iterate = iterate_of_inputs(job, duration, u * near.duration / (PATH_SHARE * duration))
     for smoothing in SMOOTHING_RAD:
         job = _towards(job, wanted, smoothing)
         solution = job.solve(iterate)
@@ -152,10 +154,3 @@ def _task(
     job = collocation_task(reached, options, mesh, follower=follower)
     ends = np.array([q[1:] for q in (*(point.q for point in points), reached.goal)])
     return job, np.where(np.array(follower.widths) > 0, ends, np.nan)
-
-
-def _guess(job: Task, near: Plan) -> Iterate:
-    """Return the motion of a plan in less time, and rest."""
-    duration, s = job.problem.duration or near.duration / PATH_SHARE, job.mesh.edges / PATH_SHARE
-    u = near.trajectory.u(np.minimum(s, 1.0) * near.duration)
-    return iterate_of_inputs(job, duration, u * near.duration / (PATH_SHARE * duration))

@@ -137,7 +137,8 @@ class RoutePaths:
             return
         duration, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
         most = duration / LEAST_TIME_RATIO if duration else math.inf
-        able = [each for each in self.refined if each.least_duration(job) <= most]
+        seconds = {each: each.least_duration(job) for each in self.refined}
+        able = [each for each in self.refined if seconds[each] <= most]
         values = {each: each.value(job) for each in able}
         slow = [each for each in able if each.duration(job) <= (duration or 0.0)]
         slow.sort(key=lambda each: (not each.origin.clear, values[each]))
@@ -145,11 +146,11 @@ class RoutePaths:
             yield _start_at_own_speed(path, job)
         known = [values[each] for each in slow] or [each.objective for each in motions]
         least = min(known) if duration and motions else math.inf
-        rate = RefinedPath.least_duration if duration and not motions else RefinedPath.value
+        order = seconds if duration and not motions else values
         fast = [each for each in able if each not in slow and values[each] < least]
-        fast.sort(key=lambda each: (not each.origin.clear, rate(each, job)))
+        fast.sort(key=lambda each: (not each.origin.clear, order[each]))
         for path in fast[:MAX_PATHS]:
-            if path.least_duration(job) > min((m.iterate.duration for m in motions), default=most):
+            if seconds[path] > min((m.iterate.duration for m in motions), default=most):
                 continue
             if limited:
                 free, solution = halve_mesh(path.free, path.solution)

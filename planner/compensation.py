@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -174,9 +175,12 @@ def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]
     machine = Machine.from_table(problem.machine)
     play = means.gearhead_play(system, machine)[1:] / 2
     widths = np.append(play, means.lost_motion(system, machine))
-    lead = start_shares(machine, system)[1:] * widths
+    lead = start_shares(machine, system)[1:]
     passing = means.mean_passing(system, machine, problem.start[None])[0]
-    follower = Follower(*(tuple(each.tolist()) for each in (widths, lead, passing)))
+    signs = [np.zeros(system.n - 1), *map(np.array, product((-1, 1), repeat=system.n - 1))]
+    away = [np.append(0.0, sign * means.lost_spread(machine, system.n - 1)) for sign in signs]
+    rows = tuple(tuple((widths + each).tolist()) for each in away)
+    follower = Follower(rows, tuple(lead.tolist()), tuple(passing.tolist()))
     return follower, partial(with_prediction, machine=machine)
 
 

@@ -44,6 +44,7 @@ class Collocation(SolveKeywords, total=False):
     rest: Literal["auto"] | bool
     objective: Literal["auto", "effort", "smooth", "edge", "time", "mixed"]
     end: Literal["plan", "machine"]
+    spread_weight: float
     effort_weight: float
     smoothness_weight: float
     edge_weight: float

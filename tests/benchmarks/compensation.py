@@ -40,6 +40,14 @@ WAY = 'not compensated: planned with `end = "machine"`'
 RANDOM = {3: (23, 15.0, 7), 4: (7, 35.0, 7)}
 """Random plans whose drive turns back, by the number of joints: how many, seconds, and the seed of
 starts and goals, within 40 degrees. Nothing was chosen with these seeds."""
+FRONT_S, FRONT_WEIGHTS = (10.0, 12.0, 15.0), (0.0, 5.0, 10.0, 20.0, 50.0)
+"""Durations, and weights of the ends' spread, of the plans with `end = "machine"` of the front."""
+SEEN_LATE = (
+    *("initial_play", "initial_angle_error_deg", "input_bias_rad_s"),
+    *("input_gain_error", "gear_ratio_error"),
+)
+"""Spreads whose effect on the end no open-loop plan changes much. The others (lost motion, sideways
+friction) act less if the last swings become smaller and smaller, or where theta1 is small."""
 FEW = 10
 """Machines whose pose is read and for each of which a plan is then made."""
 NEXT = {"back": [1.0, 1.0, 1.0], "on": [40.0, 26.0, 9.0]}
@@ -97,6 +105,45 @@ class Study:
         head = [*HEAD, "whole s", "effort rad²/s", "before, after the plan s", "computed in s"]
         head.append("largest inputs rad/s")
         return table(["plan", *head], cells), runs
+
+    def front(self) -> tuple[str, Figure, float]:
+        """Effort and end of plans that end at the goal on the machine, and their floor."""
+        settings = {name: q.to_setting() for name, q in self.machine.effects.items() if q.varies}
+        calm = {name: s | {"spread": 0.0} for name, s in settings.items() if name not in SEEN_LATE}
+        floor = percentile(self.run(self.turning, self.machine.with_(**calm)))
+        figure = Figure(figsize=(9, 4.2), layout="constrained")
+        axis, cells = figure.subplots(), []
+        for seconds in FRONT_S:
+            problem = self.plain.problem.changed({"goal.duration": seconds})
+            points = []
+            for weight in FRONT_WEIGHTS:
+                try:
+                    plan = planner.solve(problem, end="machine", spread_weight=weight)
+                except planner.NoPlanError as error:
+                    cells.append([f"{seconds:g}", f"{weight:g}", "", f"refused: {error.reason}"])
+                    continue
+                run = self.run(plan)
+                points.append((plan.effort, percentile(run)))
+                end = pair(run.terminal_E_deg)
+                cells.append([f"{seconds:g}", f"{weight:g}", f"{plan.effort:.3g}", end])
+            axis.plot(*np.transpose(points), "o-", label=f'end = "machine", {seconds:g} s')
+        for run, words, mark in (
+            (self.run(self.plain), "collocation, 10 s", "s"),
+            (self.run(self.better), f"compensated, {self.better.duration:.1f} s", "D"),
+        ):
+            axis.plot(run.plan.effort, percentile(run), mark, color="black", fillstyle="none")
+            words = f" {words}"
+            axis.annotate(words, (run.plan.effort, percentile(run)), va="center", fontsize=9)
+        axis.axhline(floor, color="black", linestyle="--", linewidth=1.2)
+        axis.annotate("floor (estimate)", (0.3, floor), va="bottom", fontsize=9)
+        axis.set_xlabel("effort (rad²/s)")
+        axis.set_ylabel("end of 95 % of machines (deg)")
+        axis.set_ylim(bottom=0.0)
+        axis.grid(**GRID_STYLE)
+        axis.legend(frameon=False, loc="upper right")
+        words = "What a closer end costs without any sensor: effort beside the end's error"
+        figure.suptitle(words, fontsize=11)
+        return table(["s", "weight of the spread", "effort rad²/s", "end"], cells), figure, floor
 
     def wrong(self) -> str:
         """Machines whose mean is another than that allowed for."""
@@ -417,6 +464,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     study = Study(options.samples)
     ways, runs = study.ways()
     wrong, (spreads, root) = study.wrong(), study.spreads()
+    front, drawn_front, floor = study.front()
     text = (
         (ROOT / "tests/benchmarks/compensation.md")
         .read_text(encoding="utf-8")
@@ -425,6 +473,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             seed=SEED,
             lead=study.better.lead_s,
             ways=ways,
+            front=front,
+            floor=floor,
             wrong=wrong,
             spreads=spreads,
             root2=root[1],
@@ -443,6 +493,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     turn = turn_picture(study.run(crossing), study.run(planner.compensate(crossing)))
     with folder(options.out) as out:
         turn.savefig(out / "turn.png", dpi=130)
+        drawn_front.savefig(out / "front.png", dpi=130)
         (out / "README.md").write_text(text, encoding="utf-8")
         drawn = picture(runs[PLAIN], runs[WAY], runs[DEFAULT])
         drawn.savefig(out / "compensation.png", dpi=130)

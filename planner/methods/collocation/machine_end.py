@@ -6,6 +6,10 @@ stand. A solver finds such a turn from a plan without one if the nominal machine
 of the programme beside the ideal motion (`transcription.follower`). What the play operator leaves
 out (creep, lag, the load on the contacts) is removed in rounds: each runs the plan on the emulated
 machine and moves the programme's end by the remaining error.
+
+With `spread_weight` the objective has a second term: the mean square distance of the ends of other
+machines from the nominal machine's. Their lost motion is more or less by a standard deviation in
+each passive joint, all combinations.
 """
 
 from __future__ import annotations
@@ -73,7 +77,7 @@ def plan_to_end(problem: Problem, options: CollocationOptions, warm: Plan | None
     with progress.progress_listener(None), span:
         options = options.model_copy(update={"end": "plan", "rest": True})
         near = search(problem, options)
-        if not any(follower.widths):
+        if not np.any(follower.widths):
             return run(near)
         progress.tell("turning beyond the goal")
         return _turn_beyond(problem, options, near, follower, run)
@@ -88,7 +92,8 @@ def _turn_beyond(
 ) -> Plan:
     """Return a plan near the given one whose nominal machine ends at the goal too; if several
     rounds do not suffice, the plan that ends nearest."""
-    job, wanted = _task(problem, options, near, follower)
+    nominal = replace(follower, widths=follower.widths[:1])
+    job, wanted = _task(problem, options, near, nominal)
     # The first guess is the plan in less time, and rest.
     duration, s = job.problem.duration or near.duration / PATH_SHARE, job.mesh.edges / PATH_SHARE
     u = near.trajectory.u(np.minimum(s, 1.0) * near.duration)
@@ -96,6 +101,12 @@ def _turn_beyond(
     for smoothing in SMOOTHING_RAD:
         job = _towards(job, wanted, smoothing)
         solution = job.solve(iterate)
+        iterate = solution.iterate
+    if options.spread_weight > 0 and solution.ok:
+        progress.tell("drawing the ends of machines together")
+        job = _task(problem, options, near, replace(follower, weight=options.spread_weight))[0]
+        job = _towards(job, wanted, smoothing)
+        solution = job.solve(iterate_of_inputs(job, iterate.duration, iterate.inputs))
         iterate = solution.iterate
     plans = list[tuple[float, Plan]]()
     while solution.ok and len(plans) < MOST_ROUNDS:
@@ -153,4 +164,4 @@ def _task(
     mesh = through(intervals, [place(point) for point in points])
     job = collocation_task(reached, options, mesh, follower=follower)
     ends = np.array([q[1:] for q in (*(point.q for point in points), reached.goal)])
-    return job, np.where(np.array(follower.widths) > 0, ends, np.nan)
+    return job, np.where(np.array(follower.widths[0]) > 0, ends, np.nan)

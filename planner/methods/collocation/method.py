@@ -216,7 +216,8 @@ def plan_of(
     assert search is not None
     trajectory = job.curve(solution.iterate)
     value = solution.objective
-    if "closeness" in job.objective.terms:  # whose mean the transcription takes over its own points
+    # The transcription takes the mean of the closeness over its own points, and adds the spread.
+    if "closeness" in job.objective.terms or options.spread_weight > 0:
         value = job.objective.value(trajectory) or value
     return Plan(
         problem=problem,

@@ -61,6 +61,18 @@ def test_errors_are_measured_from_the_predicted_motion(turning: Plan, tmp_path: 
     assert planner.sensitivity(turning).plan == turning.compensates
 
 
+def test_a_weight_of_the_spread_draws_the_ends_of_machines_together(turning: Plan) -> None:
+    near = planner.solve(PAPER, end="machine", spread_weight=50)
+    assert near.objective == pytest.approx(near.effort, rel=1e-6)  # without the spread
+    assert turning.effort < near.effort < 3 * turning.effort
+    spread, less = (
+        np.std(planner.replay(plan, samples=200, motions=0).terminal_error_deg[:, 1:])
+        for plan in (turning, near)
+    )
+    assert less < 0.97 * spread
+    assert np.abs(np.array(near.notes["end_theta_deg"]) - 30).max() < 0.05
+
+
 def test_an_arm_that_was_homed_hardly_turns() -> None:
     homed = planner.solve(PAPER.changed({"machine.start_state": "forward"}), end="machine")
     assert homed.effort < 0.45
@@ -95,7 +107,7 @@ def test_what_the_option_cannot_do_is_refused(turning: Plan) -> None:
 
 def test_a_follower_is_a_play_operator() -> None:
     """With a small smoothing it does what a play does, step by step."""
-    follower = Follower((0.01, 0.06, 0.08), (0.0, 0.0, 0.0), (1.0, 0.97, 0.97))
+    follower = Follower(((0.01, 0.06, 0.08),), (0.0, 0.0, 0.0), (1.0, 0.97, 0.97))
     system, start = PAPER.system, PAPER.start
     ways = np.random.default_rng(0).normal(0.0, 0.05, (200, 2))
     states = follower.run(system, start, ways, 1e-6)

@@ -29,57 +29,76 @@ LARGEST_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Follower:
-    """Joints that follow their axes with lost motion.
+    """Joints that follow their axes with lost motion, on one or more machines.
 
-    The states are the n joint angles, then the angles of their n axes.
+    The states are, machine by machine, the n joint angles, then the angles of their n axes.
 
     Attributes:
-        widths: Lost motion w of each joint, (n,), rad; a joint with w = 0 is at its axis.
-        lead: Angle by which each axis is ahead of its joint at the start, (n,), rad.
+        widths: Lost motion w of each joint of the m machines, (m, n), rad, the nominal machine's
+            first; a joint with w = 0 is at its axis.
+        lead: Share of w by which each axis is ahead of its joint at the start, (n,).
         passing: Share of the ideal rate that reaches each axis, (n,).
+        weight: Weight of the spread of the machines' ends in the objective, per deg².
     """
 
-    widths: tuple[float, ...]
+    widths: tuple[tuple[float, ...], ...]
     lead: tuple[float, ...]
     passing: tuple[float, ...]
+    weight: float = 0.0
 
     @property
     def size(self) -> int:
         """Number of states."""
-        return 2 * len(self.widths)
+        return 2 * np.size(self.widths)
 
     def start(self, q: Array) -> Array:
-        """Return the states (2n,) at coordinates q (n+1,)."""
-        return np.append(q[1:], q[1:] + self.lead)
+        """Return the states at coordinates q (n+1,)."""
+        axes = q[1:] + np.multiply(self.lead, self.widths)
+        return np.concatenate([np.append(q[1:], each) for each in axes])
 
     def step(self, system: MovingSystem, states: Any, way: Any, smoothing: Any) -> list[Any]:
         """Return the states after an interval, as CasADi expressions.
 
         Args:
             system: The system.
-            states: States before, (2n,).
+            states: States before.
             way: Integral of both inputs over the interval, (2,).
             smoothing: The angle ε, rad.
         """
-        old, n = ca.vertsplit(states), len(self.widths)
-        middle, joints, axes = [0.0, *old[:n]], list[Any](), list[Any]()
-        for i, (w, share) in enumerate(zip(self.widths, self.passing, strict=True)):
-            axes.append(old[n + i] + share * system.rates_expr(ca.vertcat(*middle), way)[i + 1])
-            joints.append(axes[i])
-            if w > 0:
-                near = ca.fmin(smoothing, LARGEST_SHARE * w)
-                pushed = old[i] - _positive(old[i] - axes[i] - w, near)
-                joints[i] = pushed + _positive(axes[i] - w - pushed, near)
-            middle[i + 1] = (old[i] + joints[i]) / 2
-        return [*joints, *axes]
+        out = list[Any]()
+        for widths, old in zip(self.widths, self._machines(states), strict=True):
+            n, joints, axes = len(widths), list[Any](), list[Any]()
+            middle = [0.0, *old[:n]]
+            for i, (w, share) in enumerate(zip(widths, self.passing, strict=True)):
+                rates = system.rates_expr(ca.vertcat(*middle), way)
+                axes.append(old[n + i] + share * rates[i + 1])
+                joints.append(axes[i])
+                if w > 0:
+                    near = ca.fmin(smoothing, LARGEST_SHARE * w)
+                    pushed = old[i] - _positive(old[i] - axes[i] - w, near)
+                    joints[i] = pushed + _positive(axes[i] - w - pushed, near)
+                middle[i + 1] = (old[i] + joints[i]) / 2
+            out += [*joints, *axes]
+        return out
+
+    def end_cost_expr(self, states: Any) -> Any:
+        """Return the cost of the ends' spread: the weighted mean square distance, deg², of the
+        joints of the other machines from those of the first, as a CasADi expression."""
+        first, *others = (ca.vertcat(*each[: len(self.lead)]) for each in self._machines(states))
+        squares = [ca.sumsqr((each - first) / np.deg2rad(1.0)) for each in others]
+        return self.weight * sum(squares) / max(len(others), 1)
 
     def run(self, system: MovingSystem, q: Array, ways: Array, smoothing: float) -> Array:
-        """Return the states (K+1, 2n) at the edges of K intervals with input integrals (K, 2) from
-        coordinates q (n+1,)."""
+        """Return the states at the edges of K intervals, (K+1, size), with input integrals (K, 2)
+        from coordinates q (n+1,)."""
         state, way, start = ca.SX.sym("b", self.size), ca.SX.sym("w", 2), self.start(q)
         after = ca.vertcat(*self.step(system, state, way, smoothing))
         steps = ca.Function("step", [state, way], [after]).mapaccum(len(ways))
         return np.vstack([start, steps(start, ways.T).full().T])
+
+    def _machines(self, states: Any) -> list[list[Any]]:
+        each = ca.vertsplit(states, 2 * len(self.lead))
+        return [ca.vertsplit(part) for part in each]
 
 
 def _positive(x: Any, near: Any) -> Any:

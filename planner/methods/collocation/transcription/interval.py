@@ -139,6 +139,9 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     if form.augmented and form.augmented.backoff:
         _backed_off_rows(form, form.augmented, [*columns, after[: model.size]], rows)
     cost = _cost(system, form, x, columns)
+    end = form.augmented.end_cost_expr(x.X) if form.augmented else ca.SX(0)
+    if form.follower:
+        end += form.follower.end_cost_expr(x.joints) / form.units.objective
     return Stage(
         state=x.state,
         control=x.control,
@@ -147,7 +150,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
         inside=tuple(symbols for symbols, _ in inside),
         meaning=tuple(meaning for _, meaning in inside),
         cost=cost,
-        end=form.augmented.end_cost_expr(x.X) if form.augmented else ca.SX(0),
+        end=end,
         after=after,
         rows=ca.vertcat(*rows.expressions[after.numel() :]),
         points=ca.horzcat(*columns),

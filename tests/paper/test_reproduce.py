@@ -11,15 +11,15 @@ from PIL import Image
 
 import planner
 from planner import solve
-from planner.paper import numbers
+from planner.paper import detours
 from planner.paper.cases import paper_problem
-from planner.paper.numbers import (
+from planner.paper.detours import (
     CROSSING_DETOURS,
     MISSING_ANGLE_DETOURS,
     Points,
     margins_at_paper_point,
-    turned_ratio,
 )
+from planner.paper.numbers import turned_ratio
 from planner.paper.reproduce import FILM, PAPER_FIGURES, Reproduction, reproduce
 from planner.plan.measures import effort, peak_inputs
 from planner.report.film import LAST_FRAME_S
@@ -38,16 +38,16 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-detour, scan = once(numbers.detour), once(numbers.scan)
+detour, scan = once(detours.detour), once(detours.scan)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Reproduction:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numbers, "detour", detour)
-        patch.setattr(numbers, "scan", scan)
-        patch.setattr(numbers, "CROSSING_DETOURS", CROSSING_DETOURS[:1])
-        patch.setattr(numbers, "MISSING_ANGLE_DETOURS", MISSING_ANGLE_DETOURS[:1])
+        patch.setattr(detours, "detour", detour)
+        patch.setattr(detours, "scan", scan)
+        patch.setattr(detours, "CROSSING_DETOURS", CROSSING_DETOURS[:1])
+        patch.setattr(detours, "MISSING_ANGLE_DETOURS", MISSING_ANGLE_DETOURS[:1])
         return reproduce(tmp_path_factory.mktemp("out") / "paper", samples=20, seed=0)
 
 

@@ -504,47 +504,7 @@ IDEAL: Mapping[str, Any] = MappingProxyType({"step_s": 0.001})
 """Preset with every effect off: commands are continuous and kinematics exact."""
 
 PROTOTYPE: Mapping[str, Any] = MappingProxyType(
-    {
-        # Compared with 0.25 ms, E of machines of three problems changes by at most 0.0004 degrees,
-        # with inertia by 0.006. Both the control period and the delay are whole numbers of steps.
-        "step_s": 0.0025,
-        # Not fitted (planner.paper.statements.FIXED_PARAMETERS gives the reasons).
-        "control_period_s": 0.01,
-        "delay_s": 0.005,
-        "velocity_resolution_rad_s": 0.001,
-        "input_gain_error": {"value": 0.0, "spread": 0.003},
-        "input_bias_rad_s": {"value": 0.0, "spread": 0.0005},
-        "velocity_limit_rad_s": 3.0,
-        "acceleration_limit_rad_s2": 30.0,
-        "servo_damping": False,
-        "gear_ratio_error": {"value": 0.0, "spread": 0.005},
-        "initial_play": {"value": 0.0, "spread": 0.5},
-        "initial_angle_error_deg": {"value": 0.0, "spread": 0.2},
-        "encoder_noise_deg": 0.03,
-        "encoder_resolution_deg": 0.088,
-        "link_moment_kgm": 0.16,  # no effect on a level plane
-        # Not in the paper: see planner.paper.statements.FIXED_PARAMETERS, results/calibration.
-        "lateral_friction": {"value": 0.1, "spread": 0.05},
-        # Fitted by `planner calibrate`.
-        "servo_bandwidth_rad_s": 67.2,
-        "motor_inertia_kgm2": 0.02,
-        "servo_gain_nms_per_rad": 5.03,
-        "servo_integral_time_s": 0.0199,
-        "torque_limit_nm": 2.45,
-        "creep": 0.00316,
-        "creep_per_nm": 0.00446,
-        "friction_capacity_nm": {"value": 1.58, "spread": 0.158},
-        "disk_inertia_kgm2": 0.000158,
-        "gearhead_backlash_deg": {"value": 0.504, "spread": 0.101},
-        "backlash_deg": {"value": 2.65, "spread": 0.53},
-        "axis_inertia_kgm2": 1e-05,
-        "shaft_stiffness_nm_per_rad": {"value": 3.33, "spread": 0.333},
-        "shaft_damping_nms_per_rad": 0.02,
-        "link_inertia_kgm2": 0.0316,
-        "base_friction_nm": 0.158,
-        "coulomb_friction_nm": {"value": [0.147, 0.198], "spread": [0.0294, 0.0396]},
-        "viscous_friction_nms_per_rad": 0.0449,
-    }
+    read_toml(Path(__file__).with_name("prototype.toml"), "a machine file")["machine"]
 )
 
 _DRAWN = [setting for setting in PROTOTYPE.values() if isinstance(setting, Mapping)]

@@ -18,6 +18,7 @@ from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.report.result_folder import folder
+from planner.support.files import read_toml
 from planner.support.package import Figure, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
@@ -143,115 +144,15 @@ def _motors(cases: Cases) -> Figure:
     return figure
 
 
-MISPRINTS = (
-    (
-        "(2), (3)",
-        "f and h of q_(i-1), q_i",
-        "of the underlined tails (q_(i-1), ..., q_n); without"
-        " that the class is too small for the manipulator itself",
-    ),
-    (
-        "(6)",
-        "kg = rho^2, rho = r1/(lambda R)",
-        "kg = rho^(n-2), a factor rho for each of the n - 2 stages between phi_1 and phi_(n-1): at"
-        " n = 2 there is none, and rho^2 contradicts phi_1' = u1 of the same (6)",
-    ),
-    (
-        "(7)",
-        "thetan' = kn cos^2(theta_(n-1))/pn",
-        "thetai' = Ki cos^2(theta_(i-1)) /"
-        " prod_{j=i..n-2} cos(theta_j) for i < n, but **cos^3** for i = n",
-    ),
-    ("(10)", "powers c_1^1, c_1^(n-2) of cos(theta_1)", "products c_1 c_2 ... c_(i-2), as in (6)"),
-    (
-        "(12)-(15)",
-        "X_(i+1) = (c Y - s Z)/(c^2 k)",
-        "X_(i+1) = (s Y + c Z)/(-2 k c^3 s), which needs sin(theta_i) != 0, for i <= n - 2, and X_n"
-        " = Z/(-3 k c^2 s); the printed one belongs to theta' = k sin(theta) u",
-    ),
-    (
-        "(21)",
-        "df_(i+1)/dq_i = k_i sin(2 theta_(i-1))/p_i",
-        "-k_i sin(2 theta_(i-1))/p_i for i < n (the sign is lost), and -3 (kn/kg)"
-        " cos^2(theta_(n-1)) sin(theta_(n-1)) for i = n, where f is a cos^3",
-    ),
-    (
-        "(21), (22), 4.1",
-        "the inverse needs theta_i != 0 for all i",
-        "for i = 1..n-1: nothing depends on thetan, and z_(n+1) = thetan may be 0",
-    ),
-    (
-        "(24)",
-        "v1 = u1 = phi2'",
-        "v1 = kg cos(theta1) u1: the u in (24) are the rates of phi2 and theta1, not the motor"
-        " speeds of (6)",
-    ),
-    (
-        "3.4",
-        "n + 1 dimensions: theta_i (i = 2..n) and the angular velocity phi_(n-1)'",
-        "theta_1 ... theta_n and the angle phi_(n-1), as in (7): the velocity is an input, and"
-        " without theta_1 there are n",
-    ),
-    (
-        "4.2, after (27)",
-        "M is nonsingular if and only if z1(0) != z1(T)",
-        "without constraint points; with them not always: at n = 3 one point at"
-        " T(1 - 1/sqrt(5))/2 or T(1 + 1/sqrt(5))/2 makes it singular at every travel",
-    ),
-    (
-        "step 3",
-        "z3 = z3(0) + z2(0) t + c0 t^2/2 + ...",
-        "z3 = z3(0) + b0 (z2(0) t + c0 t^2/2 + ...), z4 with b0 and b0^2",
-    ),
-    (
-        "step 4",
-        "offset from the mean of Z_i, i = 1..n",
-        "the state has n + 1 coordinates, and z2 ... at the turn are not specified. The mean adds"
-        " different quantities and is often a poor choice: a unicycle that moves one metre sideways"
-        " from a heading of 10 degrees in 10 s needs 10.1 rad/s with it, and 0.373 rad/s with our"
-        " offset, which is found by a search",
-    ),
-    (
-        "(28)",
-        "t_c^(i+k-1), no b0",
-        "z_i(tc) = sum_{j<=i} (b0 tc)^(i-j)/(i-j)! z_j(0) + b0^(i-2)"
-        " sum_j j! c_j tc^(i+j-1)/(i+j-1)!  (i >= 2, sum over z from j = 2)",
-    ),
-    ("4.3", "z2(T) = -0.532", "z2(T) = -0.5225"),
-    ("4.3", '"Fig. 5 indicates the trajectory of Z without any constraint points"', "Fig. 4"),
-)
+_TEXTS = read_toml(Path(__file__).with_name("reproduce.toml"), "a table of the page's texts")
+
+MISPRINTS = _TEXTS["misprints"]
+"""Place, what is printed there, and what is correct."""
+
+PAPER_FIGURES = _TEXTS["figures"]
+"""File name without ending, title, and what the figure shows."""
 
 FILM = "arm.gif"
-
-PAPER_FIGURES = (
-    ("mechanism", "Figs 2 and 3", "how two motors drive the joints, as we read section 3.1"),
-    (
-        "eq6-turned-contacts",
-        "what eq. (6) neglects",
-        "turned contacts slide sideways; plain disks give cos 3 theta",
-    ),
-    (
-        "fig4-z-no-point",
-        "Fig. 4",
-        "z without a constraint point, at pi/4, an inferred travel: z2 crosses zero twice",
-    ),
-    (
-        "fig5-z-with-point",
-        "Fig. 5",
-        "z with the constraint point, at pi/4, an inferred travel: z2 keeps its sign",
-    ),
-    ("fig5-no-real-theta1", "what Fig. 5 hides", "in the red stretch no angle theta1 gives this z"),
-    (
-        "z2-limit",
-        "z2 = 0 as an obstacle",
-        "least effort at pi/4, an inferred travel, without and with a limit on z2",
-    ),
-    ("fig6-joints", "Fig. 6", "joints of a plan of the same law that stays in the domain"),
-    ("fig7-inputs", "Fig. 7", "inputs of the plan of Fig. 6"),
-    ("fig8-arm", "Fig. 8", "the arm in the plane, moved by the plan of Fig. 6"),
-    ("fig9-joints-machine", "Fig. 9", "the plan of Fig. 6 on the emulated prototype: joints"),
-    ("fig10-motors-machine", "Fig. 10", "the plan of Fig. 6 on the emulated prototype: motors"),
-)
 
 
 def _escape_separators(text: str) -> Markup:
@@ -270,7 +171,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """Return the text of README.md, the page with findings, misprints and figures."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
-    parts = [_HEAD.format(provenance=provenance(command)), "## Numbers and claims\n"]
+    parts = [_TEXTS["head"].format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts += [markdown_table(FINDING_COLUMNS, findings) + "\n", "\n## Misprints\n"]
     columns = [
         Column(head, "", itemgetter(k), _escape_separators, left=True)
@@ -282,18 +183,3 @@ def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     text = "the arm in motion, at double speed: the paper's law and the plan of least effort"
     parts.append(f"### Film: {text}\n\n![{text}]({FILM})\n")
     return "\n".join(parts)
-
-
-_HEAD = """# The paper, reproduced and corrected
-
-*Chained-Form Design and Motion Planning for a Nonholonomic Manipulator*: what it prints, what we
-find, and where the two differ.
-
-{provenance}
-
-The travel of the disk, its start and the duration are not printed. The constraint point (5, -0.2)
-suggests T = 10 s, and a travel of pi/4 reproduces what the paper says of Figs 4 and 5. Gear
-constants come from the printed z(0). Figs 6 to 10 cannot be redrawn for that travel, since the path
-has no joint angles; they show the same polynomial law at the travel of least peak input for which
-it stays in the domain of the chart. Figs 9 and 10 come from an emulated machine, not from hardware.
-"""

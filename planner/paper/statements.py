@@ -1,6 +1,7 @@
 """The paper's statements about its prototype, and the quantities in them as replays compute them.
 
-The file also lists the range of each parameter of the prototype, with its source.
+`statements.toml` has the statements, and the range of each parameter of the prototype with its
+source.
 
 The paper gives no data sheet, but its Figs 2 and 3 show two servo motors, friction disks, bevel
 gears, timing belts and long shafts on a bench. So the range of each parameter is that of typical
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from planner.machine.machine import Machine, draw
 from planner.machine.simulate import simulate
 from planner.plan.plan import Plan
 from planner.support.arrays import Array
+from planner.support.files import read_toml
 from planner.systems.manipulator import Manipulator
 
 STEP_S = 0.01
@@ -59,21 +62,9 @@ class Statement:
         return f"{'at most ' if self.bound else ''}{self.target:g} {self.unit}"
 
 
-STATEMENTS = (
-    Statement("largest error of theta3 (Fig. 9: '5 degree error')", 5.0, 0.1, "deg"),
-    # An inequality, not a reading: the tolerance is the rounding of the preset to three digits.
-    Statement(
-        "largest error of theta2 (eq. 29: E is the largest of all joints)", 5.0, 0.01, "deg", True
-    ),
-    Statement(
-        "motor 1: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
-    ),
-    Statement(
-        "motor 2: deviation from its command, rms (Fig. 10: 'precisely controlled')", 0.0, 1.0, "%"
-    ),
-    # No motor is precisely controlled at its limit.
-    Statement("motor 1: largest torque over its limit (Fig. 10)", 100.0, 1.0, "%", True),
-)
+_DATA = read_toml(Path(__file__).with_name("statements.toml"), "a table of the paper's statements")
+
+STATEMENTS = tuple(Statement(*row) for row in _DATA["statements"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,77 +176,11 @@ class Parameter:
         return float(np.log(self.high / self.low) / 4)
 
 
-FITTED_PARAMETERS = (
-    Parameter(
-        "servo_bandwidth_rad_s", 30, 150, "profile filters of small servo drives: 5 to 25 Hz"
-    ),
-    Parameter(
-        "motor_inertia_kgm2", 0.01, 0.04, "rotors of 10 to 40 g cm^2 (20 to 60 W) behind 1:100"
-    ),
-    Parameter("servo_gain_nms_per_rad", 2.5, 10, "loops of 20 to 80 Hz around 0.02 kg m^2"),
-    Parameter("servo_integral_time_s", 0.01, 0.04, "2 to 5 times the time constant of that loop"),
-    Parameter("torque_limit_nm", 1, 6, "continuous torque of planetary gearheads of 32 mm"),
-    Parameter("creep", 0.001, 0.01, "rolling radius of a loaded polymer tread: 0.1 to 1 % less"),
-    Parameter(
-        "creep_per_nm", 0.001, 0.02, "0.1 to 1 % of creepage at half of the torque that slips"
-    ),
-    Parameter(
-        "friction_capacity_nm", 0.5, 5, "mu N r: 0.15 to 0.4, 150 to 300 N, 20 to 40 mm of radius"
-    ),
-    Parameter("disk_inertia_kgm2", 5e-5, 5e-4, "two steel disks, 40 to 80 mm by 8 mm: m r^2/2"),
-    Parameter(
-        "gearhead_backlash_deg",
-        0.25,
-        1.0,
-        "planetary gearheads of 32 mm; preloaded ones have 0.15 to 0.5 (maxon GP 32 BZ)",
-    ),
-    Parameter(
-        "backlash_deg",
-        1.3,
-        5.2,
-        "0.1 to 0.4 mm between the teeth of bevel gears on 8 mm (0.7 to 2.9) and of belts on 10 mm",
-    ),
-    Parameter(
-        "axis_inertia_kgm2", 2e-6, 5e-5, "bevel gear, shaft and pulley: 40 to 200 g on 10 mm"
-    ),
-    Parameter(
-        "shaft_stiffness_nm_per_rad",
-        1.7,
-        7.5,
-        "G pi d^4/(32 L) of steel, 3 to 4 mm by 0.2 to 0.3 m (2.1 to 9.9), and a belt (10 to 30)",
-    ),
-    Parameter("shaft_damping_nms_per_rad", 0.005, 0.08, "1 to 10 % of critical: belt and bearings"),
-    Parameter("link_inertia_kgm2", 0.01, 0.1, "0.25 to 1.5 kg at 0.2 m: a link with its mechanism"),
-    Parameter("base_friction_nm", 0.05, 0.5, "bearings and seals under the weight of the arm"),
-    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension, disks of joint 3", 2),
-    Parameter("coulomb_friction_nm", 0.05, 0.5, "bearings, belt tension", 3),
-    Parameter("viscous_friction_nms_per_rad", 0.01, 0.2, "grease: a tenth to all of it at 1 rad/s"),
-)
+FITTED_PARAMETERS = tuple(Parameter(*row) for row in _DATA["fitted"])
 """The fitted parameters, in the order of the signal path."""
 
-FIXED_PARAMETERS: dict[str, str] = {
-    "control_period_s": "a PC of 2010 commanding two drives over a bus",
-    "delay_s": "half a period; a delay shifts the motion in time and hardly changes its shape",
-    "velocity_resolution_rad_s": "one motor rpm behind 1:100",
-    "input_gain_error": "drives with encoders hold 0.1 to 0.5 % of speed; mean 0, drawn",
-    "input_bias_rad_s": "offset of the command, some 0.03 deg/s at the output; mean 0, drawn",
-    "link_moment_kgm": "0.8 kg at 0.2 m, as the links' inertia; acts on a slope or with lengths",
-    "velocity_limit_rad_s": "3000 to 4000 rpm behind 1:100; the paper's motion needs a fifth",
-    "acceleration_limit_rad_s2": "a tenth of a second to that speed",
-    "lateral_friction": "rollers or crowned rims; no statement of the paper fixes this ratio",
-    "gear_ratio_error": "radii of disks and contacts to 0.1 mm on 20 mm; mean 0, drawn",
-    "initial_play": "position of a joint within its backlash at the start, unknown; mean 0, drawn",
-    "initial_angle_error_deg": "set by eye or against a stop before each run; mean 0, drawn",
-    "encoder_noise_deg": "a third of the resolution: play and flutter of coupling and disk",
-    "encoder_resolution_deg": "1024 lines, four edges each; affects the readings, not the motion",
-}
+FIXED_PARAMETERS: dict[str, str] = _DATA["fixed"]
 """Source of the value of each fixed parameter, which no statement of the paper determines."""
 
-SPREADS: dict[str, float] = {
-    "friction_capacity_nm": 0.1,
-    "gearhead_backlash_deg": 0.2,
-    "backlash_deg": 0.2,
-    "shaft_stiffness_nm_per_rad": 0.1,
-    "coulomb_friction_nm": 0.2,
-}
+SPREADS: dict[str, float] = _DATA["spreads"]
 """Spread between machines by effect, as a share of the value, from manufacture and assembly."""

@@ -75,7 +75,8 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
     svg = mechanism_svg(comparison.problem.system)  # "" for systems without a drawing
     drawing = base64.b64encode(svg.encode()).decode()
     page = json.dumps(page_data(comparison, replays), separators=(",", ":"), ensure_ascii=False)
-    return Template(source(PACKAGE, "page.html")).substitute(
+    return _fill(
+        "page.html",
         title=html.escape(comparison.problem.name),
         style=stylesheet(PACKAGE, "page.css"),
         question=question(comparison.problem),
@@ -85,7 +86,7 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
         table=_table(comparison),
         differences=_differences(comparison),
         worst=_worst(data.get("rows") or []),
-        mechanism=drawing and Template(_MECHANISM).substitute(data=drawing),
+        mechanism=drawing and _fill("mechanism.html", data=drawing),
         figures=_figures(),
         samples=str(comparison.samples),
         errors=ERROR_WORDS,
@@ -102,18 +103,9 @@ def report_page(comparison: Comparison, replays: Mapping[str, Any], data: Mappin
     )
 
 
-_MECHANISM = """<section id="mechanism" aria-labelledby="h-mechanism">
-<h2 id="h-mechanism">Mechanism</h2>
-<figure>
-<figcaption><b>The chain of friction disks, bevel gears and belts.</b> Motor 1 drives the
-chain; motor 2 turns joint 1. Each contact transmits the cosine of its joint's angle.
-<span class="note hint">Scroll the picture sideways to see all of it.</span></figcaption>
-<div class="scroll" role="region" aria-labelledby="h-mechanism" tabindex="0">
-<img class="mechanism" alt="Side view of the arm's mechanism, with one contact from above"
-src="data:image/svg+xml;base64,$data">
-</div>
-</figure>
-</section>"""
+def _fill(template: str, **texts: str) -> str:
+    """Return a template of this folder with its fields filled in."""
+    return Template(source(PACKAGE, template)).substitute(texts)
 
 
 _PARTIAL = "<p><b>Partial: interrupted before all methods were finished.</b></p>"
@@ -161,16 +153,8 @@ def _differences(comparison: Comparison) -> str:
     if not comparison.differences:
         return ""
     columns = [_typeset(c, c.title) for c in COLUMNS if c.shown is not None]
-    return Template(_FOLD).substitute(
-        table=html_table(columns, pairs(comparison), kind=lambda _: "")
-    )
-
-
-_FOLD = """<details><summary>Plan against plan, machine by machine</summary>
-<div class="scroll" role="region" aria-label="Plan against plan" tabindex="0">$table</div>
-<p class="note">E: the median over the machines of E of the plan minus E of the other on the same
-machine, with its 95 % interval; end: the same for the error at the end. Better on: share of the
-machines. p: sign test, corrected for all pairs.</p></details>"""
+    table = html_table(columns, pairs(comparison), kind=lambda _: "")
+    return _fill("differences.html", table=table)
 
 
 def _worst(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -176,14 +176,9 @@ class Comparison(Frozen):
         hidden = {names[name] for name in NOT_IN_TERMINALS}
         tries = {label: f" Try: {advice}" for label, advice in self.advice.items()}
         told = [f"{r.label}: {r.remark}.{tries.get(r.label, '')}" for r in self.rows if r.remark]
+        shown = columns(self.problem.system, lambda row: "yes" if row.solved else "no")
         return terminal_table(
-            [
-                replace(c, value=lambda row: "yes" if row.solved else "no")
-                if c.value is verdict
-                else c
-                for c in self.columns
-                if c.name not in hidden
-            ],
+            [c for c in shown if c.name not in hidden],
             self.rows,
             caption="\n".join([*told, _caption(self, terminal=True)]),
             ruled=True,
@@ -193,13 +188,8 @@ class Comparison(Frozen):
     def _repr_html_(self) -> str:
         """Return the comparison's table as HTML for a notebook."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
-        advised = [
-            replace(c, value=lambda row: verdict(row) + tries.get(row.label, ""))
-            if c.value is verdict
-            else c
-            for c in self.columns
-        ]
-        table = html_table(advised, self.rows, self.problem.name)
+        shown = columns(self.problem.system, lambda row: verdict(row) + tries.get(row.label, ""))
+        table = html_table(shown, self.rows, self.problem.name)
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
 
     def markdown(self) -> str:

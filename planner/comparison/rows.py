@@ -231,11 +231,12 @@ def verdict(row: Row) -> str:
     return f"{word}: {row.remark}" if row.remark or not row.solved else word
 
 
-def columns(system: TriangularSystem) -> list[Column[Row]]:
-    """Return the columns of a comparison: label, verdict, then the numbers in reading order."""
+def columns(system: TriangularSystem, solved: Callable[[Row], str] = verdict) -> list[Column[Row]]:
+    """Return the columns of a comparison: label, `solved` in words, then the numbers in reading
+    order."""
     return [
         Column("method", "", lambda r: r.label, key="label", left=True, width=20, code=True),
-        Column("solved", "", verdict, key="", left=True),
+        Column("solved", "", solved, key="", left=True),
         *map(_fact, ("method", "solved", "why")),
         *_columns(system, files=False),
         *map(_fact, ("feedback", "note", "advice", "status", "worst")),

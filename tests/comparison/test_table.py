@@ -85,7 +85,7 @@ def test_csv_keeps_full_precision_and_leaves_undefined_empty() -> None:
 def test_a_column_is_added_in_one_place(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = comparison.columns
     added = Column("mean speed", "rad/s", lambda row: row.travel / row.duration_s)
-    monkeypatch.setattr(comparison, "columns", lambda system: [*usual(system), added])
+    monkeypatch.setattr(comparison, "columns", lambda *system: [*usual(*system), added])
     found = quick_comparison()
     row = found["polynomial"]
     value = row.travel / row.duration_s

@@ -35,8 +35,8 @@ l the links' rows. Then v = v₀ − G N v_l, so (1 + G_l N) v_l = v₀_l, a sys
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,17 @@ class StateRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Masses:
+class OfSamples:
+    """A record of S machines, whose arrays (…, S) have a column for each."""
+
+    def part(self, chosen: NDArray[np.intp]) -> Self:
+        """Return the record of the machines with the indices `chosen`."""
+        arrays = {k: v[..., chosen] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
+        return replace(self, **arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class Masses(OfSamples):
     """Inertias, stiffnesses, friction and gears of S arms; every array is (rows, S).
 
     Compiled code reads them in this order. `rows` (a, b) in a field's metadata means a + b m rows
@@ -150,10 +160,6 @@ class Masses:
     weights: Array = field(metadata={"rows": (1, 1)})
     lengths: Array = field(metadata={"rows": (1, 1)})
     moments: Array = field(metadata={"rows": (1, 1)})
-
-    def part(self, chosen: NDArray[np.intp]) -> Masses:
-        """Return the parameters of the samples with the indices `chosen`."""
-        return Masses(**{f.name: getattr(self, f.name)[:, chosen] for f in fields(self)})
 
 
 def masses(draws: Draws, k: Array) -> Masses:
@@ -250,7 +256,7 @@ EDGE_RAD = 1e-16
 
 
 @dataclass(frozen=True, eq=False)
-class StageLaws:
+class StageLaws(OfSamples):
     """Torque laws of all connections between the bodies in one implicit stage of a time step.
 
     The letters o, g, e and A are those of the file's docstring. Arrays are (rows, S), speeds as in
@@ -288,12 +294,6 @@ class StageLaws:
     ahead: Array
     stiff: Array
     half_gap: Array
-
-    def part(self, chosen: NDArray[np.intp]) -> StageLaws:
-        """Return the laws of the samples with the indices `chosen`."""
-        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
-        arrays = {k: v[..., chosen] for k, v in values.items() if isinstance(v, np.ndarray)}
-        return StageLaws(**{**values, **arrays})
 
     def solve(self, pieces: Array) -> tuple[Array, Array]:
         """Return the speeds (rows, S) at the end of the stage, and the piece of each law there.

@@ -12,9 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from planner.machine.bodies import STICTION_SLOPE, Masses, StageLaws, StateRows, masses
+from planner.machine.bodies import (
+    STICTION_SLOPE,
+    Masses,
+    OfSamples,
+    StageLaws,
+    StateRows,
+    masses,
+)
 from planner.machine.disk_chain import rest_at, rest_range
 from planner.machine.friction.contact_load import gear_constants
 from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads
@@ -37,7 +43,7 @@ LEAST_DRAG = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class _Gears:
+class _Gears(OfSamples):
     """Gear ratios, contact laws and link masses, constant over a step of time.
 
     For `first` and `second` see `StageLaws`. `slope` and `limit` are those of the contacts; `drag`
@@ -53,9 +59,6 @@ class _Gears:
     drag: Array
     pull: Array
     mass: Array
-
-    def part(self, chosen: NDArray[np.intp]) -> _Gears:
-        return _Gears(*(getattr(self, f.name)[..., chosen] for f in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)

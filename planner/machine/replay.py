@@ -505,14 +505,9 @@ def _draws(
     draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
     if after is None:
         return draws
-    same = machine.with_(start_state="unwound") == after.machine.with_(start_state="unwound")
-    missing = not np.isin(numbers, after.numbers).all()
-    if (
-        missing
-        or not same
-        or seed != after.seed
-        or plan.problem.system != after.plan.problem.system
-    ):
+    before = after.machine.with_(start_state="unwound"), after.seed, after.plan.problem.system
+    same = before == (machine.with_(start_state="unwound"), seed, plan.problem.system)
+    if not same or not np.isin(numbers, after.numbers).all():
         raise InputError(
             "after: a run of the same arm, machine, seed and samples, but for machine.start_state"
         )

@@ -83,7 +83,7 @@ class Calibration:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Fitted effects of the prototype preset, as written in `planner.machine.machine`."""
+        """Fitted effects of the prototype preset, as `planner/machine/prototype.toml` has them."""
         return preset_settings(self.fit.parameters)
 
     def to_dict(self) -> dict[str, Any]:
@@ -169,42 +169,28 @@ def write(calibration: Calibration, path: str | Path) -> Path:
     return Path(path)
 
 
-_HEAD = """# The prototype preset: calibrated, not measured
-
-The paper gives no data sheet of its prototype. It says that the error of theta3 reached 5 degrees
-(Fig. 9), that this was the largest of all joints (eq. 29), that the speed of the motors was
-controlled precisely (Fig. 10). It names as causes the backlash of the bevel gears, the low
-stiffness of the long shaft, transmission parts of low resolution and a lack of drive torque.
-`Machine.prototype()` has the most probable parameters, given these statements and the ranges of
-typical parts.
-
-{provenance}
-
-The paper does not print the travel and the inputs of its experiment. Instead we use its polynomial
-method, at the travel of least peak input that stays inside the chart's domain.
-
-![Errors, motor speeds, and the remaining share of each range](calibration.png)
-"""
-
-
 def page(calibration: Calibration) -> str:
-    """Return the text of README.md, the page about a calibration."""
-    return "\n".join(
-        [
-            _HEAD.format(provenance=provenance("planner calibrate --out results/calibration")),
-            "## The paper's statements and the preset\n",
-            _statements(calibration.fit),
-            "## Sideways friction is not in the paper\n",
-            _sideways(calibration.sideways),
-            "## The two fidelities\n",
-            _fidelities(calibration.motions, calibration.replays),
-            "## Parameters\n",
-            _parameters(calibration.settings, calibration.data),
-            "## What can be identified\n",
-            _identification(calibration.data),
-            "## Not fitted\n",
-            _fixed_parameters(),
-        ]
+    """Return the text of README.md, the page about a calibration: calibrate.md with its tables."""
+    still, moving = (calibration.motions[name].error[0] for name in ("quasi-static", "dynamic"))
+    return (
+        Path(__file__)
+        .with_name("calibrate.md")
+        .read_text(encoding="utf-8")
+        .format(
+            provenance=provenance("planner calibrate --out results/calibration"),
+            statements=_statements(calibration.fit),
+            sideways=_sideways(calibration.sideways),
+            fidelities=_fidelities(calibration.motions, calibration.replays),
+            apart=_slashed(np.max(np.abs(still - moving), axis=0)),
+            parameters=_parameters(calibration.settings, calibration.data),
+            read_deg=READ_DEG,
+            read_percent=READ_PERCENT,
+            encoder_deg=ENCODER_DEG,
+            ratios=", ".join(f"{ratio:g}" for ratio in DURATION_RATIOS),
+            identified=_identified(calibration.data),
+            directions=_directions(calibration.data[0]),
+            fixed=_fixed_parameters(),
+        )
     )
 
 
@@ -215,7 +201,7 @@ def _statements(fit: Fit) -> str:
         Column("standard deviation", "", lambda r: f"{r[0].tolerance:g} {r[0].unit}", left=True),
         Column("preset", "", lambda r: f"{r[1]:.2f} {r[0].unit}", left=True),
     ]
-    return markdown_table(columns, zip(STATEMENTS, fit.values, strict=True)) + "\n"
+    return markdown_table(columns, zip(STATEMENTS, fit.values, strict=True))
 
 
 def _fitted_value(key: str, row: tuple[float, Fit]) -> float:
@@ -233,21 +219,7 @@ def _sideways(fits: Mapping[float, Fit]) -> str:
         Column("theta2", "deg", lambda r: r[1].values[1], "{:.2f}".format),
         Column("largest torque of motor 1", "N m", lambda r: r[1].motor_nm, "{:.2f}".format),
     ]
-    return f"""A contact that a joint turns slides sideways. The resulting error depends on the
-capacity of the contact and on the ratio of its sideways friction to that along its drive
-(`lateral_friction`: 1 for plain disks, less for rollers). The paper gives neither. For each ratio
-the table has the most probable parameters, and their distance (norm) from the centres of their
-ranges:
-
-{markdown_table(columns, fits.items())}
-
-Up to 0.2 typical parts agree with all statements; at 0.25 they are two standard deviations away, at
-0.3 five. So the paper's statements limit the ratio: its mechanism cannot have plain disks. They do
-not distinguish 0.05 from 0.15. The preset has 0.1 with a spread of 0.05 between machines;
-`Machine.prototype(lateral_friction=...)` sets another value. Each joint has its own Coulomb
-friction, because joint 2 loses more by sideways friction (theta1 turns its contacts further): with
-equal friction theta2 would exceed 5 degrees.
-"""
+    return markdown_table(columns, fits.items())
 
 
 def _fidelities(motions: Mapping[str, PaperReplays], replays: Mapping[str, Replay]) -> str:
@@ -261,15 +233,7 @@ def _fidelities(motions: Mapping[str, PaperReplays], replays: Mapping[str, Repla
         Column(f"median largest of {machines} machines", "deg", medians.get, _slashed, left=True),
         Column("motor deviation", "% of peak, rms", motors.get, _slashed, left=True),
     ]
-    still, moving = (motions[name].error[0] for name in ("quasi-static", "dynamic"))
-    apart = np.max(np.abs(still - moving), axis=0)
-    text = f"theta1 / theta2 / theta3. The two differ by at most {_slashed(apart)} deg at any time."
-    more = (
-        " The inputs start with a jump, so with inertia the links behind joint 1 lag."
-        " The contacts of joint 2 are turned further, by theta1, and so lose more. The fit reaches"
-        " 5 degrees of theta2 with less friction in joint 2 than in joint 3."
-    )
-    return markdown_table(columns, motions) + "\n\n" + text + more + "\n"
+    return markdown_table(columns, motions)
 
 
 def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
@@ -284,11 +248,7 @@ def _parameters(settings: Mapping[str, Any], data: Sequence[DataSet]) -> str:
         ),
         Column("source of the range", "", lambda r: r.source, left=True),
     ]
-    text = (
-        "± is the spread between machines. The columns after it give the share of the range that"
-        " remains given the data named there: 1 means not identifiable from these data.\n\n"
-    )
-    return text + markdown_table(columns, FITTED_PARAMETERS) + "\n"
+    return markdown_table(columns, FITTED_PARAMETERS)
 
 
 def remaining_share(data: DataSet, parameter: Parameter) -> float:
@@ -307,16 +267,7 @@ def _entry(number: Any, joint: int | None) -> float:
     return float(number if joint is None else number[joint - 2])
 
 
-def _identification(data: Sequence[DataSet]) -> str:
-    text = (
-        "Singular values of the sensitivity of the observations to the parameters (dynamic"
-        " fidelity). Observations are in units of their reading error, parameters in units of their"
-        " ranges. Along a direction with a value above 1 the data determine more than the range"
-        " does; along the others only the range is known. Reading errors: curves in a figure"
-        f" {READ_DEG:g} deg and {READ_PERCENT:g} % of the peak; encoders {ENCODER_DEG:g} deg, at"
-        f" {', '.join(f'{f:g}' for f in DURATION_RATIOS)} times the duration. The bound on theta2"
-        " is left out: an inequality gives no value.\n\n"
-    )
+def _identified(data: Sequence[DataSet]) -> str:
     columns: list[Column[DataSet]] = [
         Column("data", "", lambda d: d.name, left=True),
         Column("numbers", "", lambda d: d.count, left=True),
@@ -324,24 +275,15 @@ def _identification(data: Sequence[DataSet]) -> str:
         Column("largest singular values", "", _largest_values, left=True),
         Column("parameters not identified", "> 0.9", _open_parameters, left=True),
     ]
-    table = markdown_table(columns, data) + "\n"
-    words = data[0]
-    lines = [
+    return markdown_table(columns, data)
+
+
+def _directions(words: DataSet) -> str:
+    """Return the first directions that the paper's words determine, as a numbered list."""
+    return "\n".join(
         f"{k + 1}. s = {words.singular[k]:.3g}: "
         + ", ".join(f"{part:+.2f} `{name}`" for name, part in main_parameters(words, k).items())
         for k in range(3)
-    ]
-    return (
-        text + table + "\nThe paper's words determine only the first of these directions"
-        " (components of a unit vector of standardised logarithms):\n\n" + "\n".join(lines) + "\n\n"
-        "So one number cannot separate torsion (friction over stiffness), backlash and creep: a"
-        " machine with more of one and less of another fits equally well. The weights have two"
-        " reasons: the error contains half of a joint's backlash, but all of its torsion; and"
-        " torsion has the wider range. The motion does not reach the torque limits (the paper's"
-        " 'lack of drive torque') at the paper's speed, so it gives no information on them. The"
-        " capacity of the contacts affects only their sideways losses, too little to be"
-        " identified. The sideways friction, which is given in the fit, is not identifiable either:"
-        " see the table above.\n"
     )
 
 
@@ -362,7 +304,7 @@ def _fixed_parameters() -> str:
         Column("unit", "", lambda name: EFFECTS[name].unit or "1", left=True),
         Column("why", "", lambda name: FIXED_PARAMETERS[name], left=True),
     ]
-    return markdown_table(columns, FIXED_PARAMETERS) + "\n"
+    return markdown_table(columns, FIXED_PARAMETERS)
 
 
 def _slashed(numbers: Any) -> str:

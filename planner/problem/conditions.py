@@ -112,12 +112,12 @@ def waypoints_of(tables: ProblemFile, system: TriangularSystem) -> list[Waypoint
 
 
 def obstacles_of(tables: ProblemFile, system: TriangularSystem) -> list[Obstacle]:
-    """Return the obstacles of a problem file."""
+    """Return the obstacles of a problem file: only arms have the key, for their links to clear."""
     lengths = getattr(system, "link_lengths", ())
     links, reach = len(lengths), float(np.sum(lengths))
     return [
         Obstacle(k, links, d.centre_m[0], d.centre_m[1], d.radius_m, d.clearance_m, reach)
-        for k, d in enumerate(tables.discs(), 1)
+        for k, d in enumerate(getattr(tables, "obstacles", ()), 1)
     ]
 
 

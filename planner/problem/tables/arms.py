@@ -243,10 +243,6 @@ class ArmFile(ProblemFile):
             out.append(np.array([self.start.phi_rad + travel, *angles]))
         return out
 
-    def discs(self) -> list[ObstacleTable]:
-        """Return the obstacles, as discs in the plane."""
-        return self.obstacles
-
 
 def _check_lengths(n: int, K: list[float] | None, link_lengths: list[float] | None) -> None:
     """Raise a ValueError if K or `link_lengths` has the wrong length for n joints."""

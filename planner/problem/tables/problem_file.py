@@ -254,10 +254,6 @@ class ProblemFile(Table):
         """Return the goal of the tip: values of "x", "y" and "angle"; empty except for arms."""
         return {}
 
-    def discs(self) -> list[ObstacleTable]:
-        """Return the obstacles; empty except for arms, whose links could touch them."""
-        return []
-
 
 SUFFIXES = {"_deg": ("rad", np.pi / 180), "_m": ("m", 1.0)}
 """Suffixes of coordinates' keys, each with the unit that the coordinate must have and the factor

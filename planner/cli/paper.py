@@ -14,8 +14,8 @@ from planner.cli.arguments import Folder, Samples, Seed, out_option
 from planner.cli.output import finish, job
 from planner.paper.calibrate import calibrate as run_calibration
 from planner.paper.calibrate import remaining_share, write
+from planner.paper.fit import FITTED_PARAMETERS, STATEMENTS, Parameter
 from planner.paper.reproduce import reproduce as run_reproduction
-from planner.paper.statements import FITTED_PARAMETERS, STATEMENTS, Parameter
 from planner.report.result_folder import refuse_unwritable_folder
 from planner.support.tables import Column, terminal_table
 

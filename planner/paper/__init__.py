@@ -1,4 +1,4 @@
 """The paper's figures and numbers, and the prototype fitted to its statements.
 
-Read in this order: `reproduce`, `cases`, `numbers`; `calibrate`, `statements`, `fit`.
+Read in this order: `reproduce`, `cases`, `numbers`; `calibrate`, `fit`.
 """

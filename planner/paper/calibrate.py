@@ -21,27 +21,25 @@ from planner.paper.cases import paper_problem
 from planner.paper.fit import (
     DURATION_RATIOS,
     ENCODER_DEG,
-    READ_DEG,
-    READ_PERCENT,
-    DataSet,
-    Fit,
-    fit,
-    identify,
-    main_parameters,
-    to_preset_digits,
-)
-from planner.paper.statements import (
     FITTED_PARAMETERS,
     FIXED_PARAMETERS,
     JOINT_MARK,
+    READ_DEG,
+    READ_PERCENT,
     SPREADS,
     STATEMENTS,
+    DataSet,
+    Fit,
     PaperReplays,
     Parameter,
     Statement,
+    fit,
+    identify,
+    main_parameters,
     move,
     nominal_machine,
     settings,
+    to_preset_digits,
 )
 from planner.plan.plan import Plan
 from planner.problem.tables.machine_effects import EFFECTS

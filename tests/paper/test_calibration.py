@@ -15,12 +15,15 @@ import planner.paper.fit as fitting
 from planner import Machine
 from planner.cli.app import main
 from planner.paper.calibrate import Calibration, calibrate, write
-from planner.paper.fit import BOUNDS, TOLERANCES, Fit, statement_values
-from planner.paper.statements import (
+from planner.paper.fit import (
+    BOUNDS,
     FITTED_PARAMETERS,
     FIXED_PARAMETERS,
+    TOLERANCES,
+    Fit,
     move,
     nominal_machine,
+    statement_values,
     values,
 )
 

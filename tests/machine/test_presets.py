@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import planner
 from planner import Machine, Plan, Replay, replay
+from planner.machine import machine
 from planner.plan.measures import peak_inputs
 
 
 @pytest.fixture(scope="module")
 def run(smooth_plan: Plan) -> Replay:
     return replay(smooth_plan, Machine.prototype(step_s=0.005), samples=300)
+
+
+def test_the_prototype_is_a_machine_file_to_copy() -> None:
+    file = Path(machine.__file__).with_name("prototype.toml")
+    assert planner.load_machine(file) == Machine.prototype()
 
 
 def test_the_plan_is_one_that_its_motors_can_follow(smooth_plan: Plan) -> None:

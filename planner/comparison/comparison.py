@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.comparison.headline import By, compare_pairs, headline, recommend
+from planner.comparison.headline import By, compare_pairs, headline, recommend, what_decides
 from planner.comparison.rows import (
     FEEDBACK_NOTE,
     Row,
@@ -108,12 +108,19 @@ class Comparison(Frozen):
 
     @cached_property
     def headline(self) -> str:
-        """Sentences that say which plan to take, why, and what this plan costs."""
-        return "".join(self.headline_parts)
+        """Up to three lines: the plan to take and what it gains; its price; what to beware of."""
+        return "\n".join(self.headline_lines)
+
+    @property
+    def headline_lines(self) -> list[str]:
+        """The lines of the headline."""
+        start, label, (first, *others) = self.headline_parts
+        return [start + label + first, *others]
 
     @cached_property
-    def headline_parts(self) -> tuple[str, str, str]:
-        """The headline before, at and after the first mention of the recommended plan's label."""
+    def headline_parts(self) -> tuple[str, str, list[str]]:
+        """The headline before the first mention of the recommended plan's label, that label, and
+        the lines after it."""
         start, label, rest = headline(self.rows, self.threshold_deg, self.machine, self.by)
         partial = "" if self.complete else "Interrupted: only the finished rows count. "
         worth = self.machine.worth
@@ -179,18 +186,23 @@ class Comparison(Frozen):
         shown = columns(self.problem.system, lambda row: "yes" if row.solved else "no")
         return terminal_table(
             [c for c in shown if c.name not in hidden],
-            self.rows,
+            self.in_order,
             caption="\n".join([*told, _caption(self, terminal=True)]),
             ruled=True,
-            dim=lambda row: not row.solved,
+            style=lambda row: "bold" * (row is self.recommended) if row.solved else "dim",
         )
 
     def _repr_html_(self) -> str:
         """Return the comparison's table as HTML for a notebook."""
         tries = {label: f"\nTry: {advice}" for label, advice in self.advice.items()}
         shown = columns(self.problem.system, lambda row: verdict(row) + tries.get(row.label, ""))
-        table = html_table(shown, self.rows, self.problem.name)
+        table = html_table(shown, self.in_order, self.problem.name)
         return f"{table}<p><small>{escape(_caption(self))}</small></p>"
+
+    @property
+    def in_order(self) -> list[Row]:
+        """The rows, that of the recommended plan first."""
+        return sorted(self.rows, key=lambda row: row is not self.recommended)
 
     def markdown(self) -> str:
         """Return the comparison as Markdown: headline, table, and the command that repeats it."""
@@ -200,10 +212,10 @@ class Comparison(Frozen):
         heading = f"# Comparison: {markdown(self.problem.name)}\n"
         if not self.complete:
             heading += "\n**Partial: interrupted before all methods were finished.**\n"
-        heading += f"\n{clean_text(self.headline)}\n"
+        heading += "".join(f"\n{clean_text(line)}\n" for line in self.headline_lines)
         tries = [f"- Try, for {markdown_code(k)}: {clean_text(v)}" for k, v in self.advice.items()]
         advice = [*tries, ""] if tries else []
-        table = markdown_table([*self.columns, *intervals(self.problem.system)], self.rows)
+        table = markdown_table([*self.columns, *intervals(self.problem.system)], self.in_order)
         after = ["", *advice, _caption(self), "", *_worst_machines(self), again, ""]
         return "\n".join([heading, table, *after])
 
@@ -334,6 +346,7 @@ def _caption(comparison: Comparison, *, terminal: bool = False) -> str:
         + (FEEDBACK_NOTE if any(row.feedback for row in comparison.rows) else "")
         + "".join(f" {row.label}: {row.note}." for row in comparison.rows if row.note)
         + _longer_words(comparison)
+        + what_decides(comparison.rows, comparison.threshold_deg)
         + "".join(
             f" {row.label}: {words}."
             for row in comparison.rows

@@ -115,11 +115,12 @@ def _worse_than(
 
 def headline(
     rows: Sequence[Row], threshold_deg: float, machine: Machine, by: By = "way"
-) -> tuple[str, str, str]:
-    """Return as plain text which plan to take, why, and what this plan costs.
+) -> tuple[str, str, list[str]]:
+    """Return as plain text which plan to take.
 
-    The text has three parts: the first mention of that plan's label, and what is before and after
-    it. The label is "" if no plan is recommended.
+    The text has up to three lines: the plan and what it gains; what it costs, beside the next best;
+    what to beware of. It is returned in three parts: what is before the first mention of the plan's
+    label, that label, and the lines after it. The label is "" if no plan is recommended.
 
     Args:
         rows: The rows of a comparison.
@@ -132,21 +133,20 @@ def headline(
     if row is None and solved:
         row = min(solved, key=lambda each: each.beyond_physical)
         fewest = ", the fewest of all plans" if len(solved) > 1 else ""
-        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", ""
+        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", [""]
     if row is None:
-        return "None of the methods found a plan that keeps every limit.", "", ""
-    refused = _refusal(rows, row, threshold_deg)
-    tail = f"{_swing(row)}{_caution(row)}"
+        return "None of the methods found a plan that keeps every limit.", "", [""]
+    beware = [_swing(row), _caution(row), _follow_up(rows, row)]
+    beware.append(_refusal(rows, row, threshold_deg))
     if len(solved) == 1:
-        tail += f"{_follow_up(rows, row)}{refused}"
+        words = "reaches the goal and keeps every limit."
         if sum(not each.feedback for each in rows) == 1:
-            return "", row.label, f" reaches the goal and keeps every limit.{tail}"
-        only = ": the only plan that reaches the goal and keeps every limit."
-        return "Take ", row.label, only + tail
+            return "", row.label, _lines(f" {words}", [], beware)
+        return "Take ", row.label, _lines(f": the only plan that {words}", [], beware)
     if by in ("effort", "time") or not np.isfinite(row.E_median_deg):
         what = "time" if by == "time" else "effort"
         least = f": of {len(solved)} verified plans it has the least {what}."
-        return "Take ", row.label, least + tail + refused
+        return "Take ", row.label, _lines(least, [], beware)
     others = [r for r in solved if r is not row]
     plain = next((r for r in others if r.spec == row.spec.plain), None)
     alike = (r for r in others if by == "end" or r.spec.compensated == row.spec.compensated)
@@ -161,14 +161,19 @@ def headline(
     if by == "end":
         reason = f"{_degrees(row.end_median_deg)} in the median"
     reason += f"{_machines(row, machine)}."
+    prices = []
     if by == "way" and other is not rival and (costs := _costs(row, other)):
-        reason += f" {row.label} takes {costs}."
+        prices.append(f"It takes {costs}.")
     if rival is not None:
         worse = rival.label in _worse_than(row, rows, threshold_deg, *_tested(by))
-        reason += _against(row, rival, worse, threshold_deg, by)
-    tail += _what_decides(solved, threshold_deg) if by == "way" else ""
-    tail += f"{_follow_up(rows, row)}{refused}"
-    return "Take ", row.label, f" for the {by}: {reason}{tail}"
+        prices.append(_against(row, rival, worse, threshold_deg, by))
+    return "Take ", row.label, _lines(f" for the {by}: {reason}", prices, beware)
+
+
+def _lines(first: str, *sentences: list[str]) -> list[str]:
+    """Return a line, then a line for each list of sentences that has any."""
+    joined = [" ".join(map(str.strip, filter(None, each))) for each in sentences]
+    return [first, *filter(None, joined)]
 
 
 def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) -> str:
@@ -187,7 +192,7 @@ def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) ->
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
     least = f"no difference of {threshold_deg:g} deg or more"
-    return f" The paired test finds {least} between {row.label} and {name}{more}."
+    return f" The paired test finds {least} from {name}{more}."
 
 
 def _machines(row: Row, machine: Machine) -> str:
@@ -239,15 +244,16 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     ) + f" Try: {first}." * bool(first)
 
 
-def _what_decides(solved: Sequence[Row], threshold_deg: float) -> str:
+def what_decides(rows: Sequence[Row], threshold_deg: float) -> str:
     """Return sentences on what compensation does for the accuracy, and how efforts differ.
 
     Return "" unless at least two plans are compensated, and by the paired test and by the 95th
     percentile every compensated plan has a smaller E than every original plan. Compensation decides
     the accuracy if the test finds no compensated plan better than another, in E or at the end.
     """
-    rows = {row.spec: row for row in solved}
-    pairs = [(rows[row.spec.plain], row) for row in solved if row.spec.plain in rows]
+    solved = [row for row in rows if row.solved and not row.feedback]
+    kept = {row.spec: row for row in solved}
+    pairs = [(kept[row.spec.plain], row) for row in solved if row.spec.plain in kept]
     before, better = ([pair[k] for pair in pairs if pair[0] is not pair[1]] for k in (0, 1))
     errors = [[row.E_p95_deg for row in group] for group in (before, better)]
     if len(better) < 2 or not max(errors[1]) < min(errors[0]):
@@ -288,8 +294,10 @@ def _costs(row: Row, other: Row) -> str:
 
 
 def _caution(row: Row) -> str:
-    """Warn of a plan that jumps at an end, and of machines that break limits that it keeps."""
-    return _jumps(row) + (f"{_beyond(row)}." if row.beyond_limits > 0 else "")
+    """Warn of a plan that jumps at an end, and of machines that break physical limits, or many
+    that break others."""
+    warns = row.beyond_physical > 0 or row.beyond_limits > MOST_BEYOND_PERCENT
+    return _jumps(row) + f"{_beyond(row)}." * warns
 
 
 def _jumps(row: Row) -> str:

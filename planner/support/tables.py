@@ -129,7 +129,7 @@ def terminal_table(
     caption: str = "",
     ruled: bool = False,
     gap: int = 0,
-    dim: Callable[[R], bool] = lambda row: False,
+    style: Callable[[R], str] = lambda row: "",
 ) -> Table:
     """Format a table for a terminal; print the result with `rich.print`.
 
@@ -141,7 +141,7 @@ def terminal_table(
         ruled: Whether heads have several lines above a rule and the table fits 80 columns;
             otherwise heads have one line.
         gap: Extra spaces between the columns of a ruled table.
-        dim: Tells which rows are shown dimmed.
+        style: Maps a row to its style, such as "dim" or "bold".
     """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
@@ -182,7 +182,7 @@ def terminal_table(
             max_width=width if ruled and column.left else None,
         )
     for row, texts in zip(rows, cells, strict=True):
-        table.add_row(*map(Text, texts), style="dim" if dim(row) else "")
+        table.add_row(*map(Text, texts), style=style(row))
     return table
 
 

@@ -79,8 +79,13 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     assert words.startswith(start)
     base = taken.label.replace(" compensated", "")
     assert f"instead of {number(result[base].E_median_deg)} deg ({base})" in words
-    assert f". {taken.label} takes " in words
-    assert f"0.1 deg or more between {taken.label} and {better.label} (E " in words
+    _, prices, cautions = words.split("\n")
+    assert prices.startswith("It takes ")
+    assert f"0.1 deg or more from {better.label} (E " in prices
+    assert cautions.startswith("Stand clear: ")
+    assert result.in_order[0] is taken
+    assert result.in_order[1:] == [row for row in result.rows if row is not taken]
+    below = result.markdown()
     now, was = (
         [r.E_p95_deg for r in result.rows if r.solved and (COMPENSATED.split()[1] in r.label) == it]
         for it in (True, False)
@@ -88,9 +93,9 @@ def test_by_default_every_plan_is_compensated_once_it_is_there(
     assert (len(now), len(was)) == (2, 2)
     assert max(now) < min(was)
     told = f"E 95 % {number(min(now))} to {number(max(now))} deg, not {number(min(was))} to"
-    assert f"whichever method planned: {told} {number(max(was))} deg." in words
+    assert f"whichever method planned: {told} {number(max(was))} deg." in below
     efforts = [result[name].effort for name in (OPTIMAL, BEST)]
-    assert f"in effort: {number(efforts[0])} to {number(efforts[1])} rad²/s." in words
+    assert f"in effort: {number(efforts[0])} to {number(efforts[1])} rad²/s." in below
     pairs = list(zip(result.differences, result.end_differences, strict=True))
     for E, end in pairs:
         gap = result[end.first].replay.terminal_E_deg - result[end.second].replay.terminal_E_deg
@@ -207,7 +212,7 @@ def test_the_headline_prices_a_plan_against_the_next_best_of_its_kind(
     priced = f"{number(better.effort)} rad²/s of effort instead of 0.2"
     named = f"{worse.label} (E {number(worse.E_median_deg)} deg)"
     assert f"The next best plan with compensation is {named}." in words
-    assert words.split(f"{named}. {better.label} takes ")[1].split(". ")[0].endswith(priced)
+    assert words.split(f"{named}. {better.label} takes ")[1].split(".\n")[0].endswith(priced)
 
 
 def test_where_joint_1_comes_in_the_whole_motion_stands_beside_the_recommendation(
@@ -251,12 +256,13 @@ def test_the_headline_names_a_nearer_plan_that_is_refused(compensated: planner.C
     why, ways = "goal theta2 reaches 0.164 deg, allowed 0", ("more time", "no compensation")
     refused = replace(better, solved=False, why=why, ways=ways)
     assert refused.advice == "more time; or no compensation"
-    words = "".join(headline([plain, refused], compensated.threshold_deg, compensated.machine))
+    start, label, lines = headline([plain, refused], compensated.threshold_deg, compensated.machine)
+    words = "\n".join([start + label + lines[0], *lines[1:]])
     assert words.startswith(f"Take {plain.label}: the only plan that reaches the goal")
     ends = [number(row.end_median_deg) for row in (better, plain)]
     assert f"{better.label} ({why}): E {number(better.E_median_deg)} deg instead of" in words
     assert words.endswith(f"{ends[0]} deg instead of {ends[1]} deg at the end. Try: more time.")
-    assert "refused" not in "".join(headline([plain, refused], 100.0, compensated.machine))
+    assert "refused" not in str(headline([plain, refused], 100.0, compensated.machine))
 
 
 def test_a_compensated_plan_is_compared_on_the_path_it_compensates(
@@ -348,8 +354,9 @@ def test_compensation_decides_only_where_the_paired_test_says_so(
     assert verdicts[better.label, worse.label] == bool(gap_deg)
     ranges = f"E 95 % {number(better.E_p95_deg)}"
     says = ["decides the accuracy, whichever method planned", "makes every plan better"]
-    assert f"Compensation {says[bool(gap_deg)]}: {ranges}" in result.headline
-    assert says[not gap_deg] not in result.headline
+    below = result.markdown()
+    assert f"Compensation {says[bool(gap_deg)]}: {ranges}" in below
+    assert says[not gap_deg] not in below
 
 
 def test_nothing_decides_where_the_paired_test_does_not_tell_plans_apart(
@@ -361,7 +368,7 @@ def test_nothing_decides_where_the_paired_test_does_not_tell_plans_apart(
     more = [replace(r, spec=replace(r.spec, method="sinusoid")) for r in (plain, alike)]
     result = replace(compensated, rows=(plain, alike, *more))
     assert alike.E_p95_deg < plain.E_p95_deg
-    assert "Compensation" not in result.headline
+    assert "Compensation" not in result.markdown()
 
 
 def test_feedback_closes_the_last_plan_which_is_compensated(

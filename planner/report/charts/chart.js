@@ -2,6 +2,7 @@
 
 const EDGE = { left: 50, right: 12, top: 8, bottom: 38 };
 const HEIGHT = 220;
+const MOST_ROWS = 6; // of values beside the pointer, which would cover the figure
 let charts = 0;
 
 class Chart {
@@ -150,12 +151,15 @@ class Chart {
     this.tip.replaceChildren();
     make("div", { text: told.head }, this.tip);
     const table = make("table", { role: "presentation" }, this.tip);
-    for (const row of told.rows) {
+    const rows = told.rows.slice(0, MOST_ROWS);
+    for (const row of rows) {
       const line = make("tr", {}, table);
       const name = make("td", {}, line);
       name.append(this.swatch(row), this.named(row));
       make("td", { text: row.text }, line);
     }
+    if (told.rows.length > MOST_ROWS)
+      make("div", { text: `and ${told.rows.length - MOST_ROWS} more` }, this.tip);
     this.tip.hidden = false;
     const wide = this.tip.offsetWidth;
     const beside = told.px > width / 2 ? told.px - 12 - wide : told.px + 12;

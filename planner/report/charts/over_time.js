@@ -114,7 +114,8 @@ class TimeChart extends Chart {
       if (!this.shown(series)) continue;
       const value = at(this.times(series), series.y, t);
       if (value === null) continue;
-      const name = series.machine ? `${series.name ?? ""} … on the machine`.trim() : series.name;
+      const own = series.name ?? this.page.plans[series.plan].label;
+      const name = series.machine ? `${own}, on the machine` : series.name;
       rows.push({ plan: series.plan, colour: series.colour, name, text: this.measured(value) });
     }
     if (this.panel.band && rows.length) {

@@ -5,9 +5,12 @@
   const kinds = { time: TimeChart, share: ShareChart, points: PointsChart, plane: PlaneChart };
   const all = [];
   const live = document.getElementById("live");
+  const FIRST = 3; // plans, of those that matter most, shown before the reader asks for more
+  const known = (data.opening ?? []).filter((label) => data.plans.some((plan) => plan.label === label));
+  const first = known.slice(0, FIRST);
   const page = {
     ...data,
-    shown: data.plans.map(() => true),
+    shown: data.plans.map((plan) => first.includes(plan.label)),
     ghost: true,
     say: (text) => (live.textContent = text),
     setCursor: (t) => all.forEach((chart) => chart.setCursor(t)),
@@ -22,7 +25,7 @@
   data.plans.forEach((plan, k) => {
     const label = make("label", {}, legend);
     const box = make("input", { type: "checkbox" }, label);
-    box.checked = true;
+    box.checked = page.shown[k];
     box.addEventListener("change", () => {
       page.shown[k] = box.checked;
       all.forEach((chart) => chart.render());
@@ -64,6 +67,48 @@
     width = document.body.clientWidth;
     draw();
   }).observe(document.body);
+
+  arrange(document.querySelector(".scroll"));
+
+  /** Sort a table by a click on a head; show its first rows, and the others on request. */
+  function arrange(place) {
+    const rows = [...place.querySelectorAll("tbody tr")];
+    const heads = [...place.querySelectorAll("thead th")];
+    const more = make("button", { type: "button", class: "more", text: `All ${rows.length} plans` });
+    const showAll = () => {
+      rows.forEach((row) => (row.hidden = false));
+      more.remove();
+    };
+    if (rows.length > FIRST) {
+      const label = (row) => row.querySelector("[data-label]")?.dataset.label;
+      const kept = rows.filter((row) => first.includes(label(row)));
+      if (kept.length) {
+        rows.forEach((row) => (row.hidden = !kept.includes(row)));
+        more.addEventListener("click", showAll);
+        place.after(more);
+      }
+    }
+    heads.forEach((head, k) => {
+      const button = make("button", { type: "button", class: "sort", title: "Sort by this column" });
+      button.append(...head.childNodes);
+      head.append(button);
+      button.addEventListener("click", () => {
+        const way = head.ariaSort === "ascending" ? -1 : 1;
+        heads.forEach((other) => (other.ariaSort = null));
+        head.ariaSort = way > 0 ? "ascending" : "descending";
+        const text = (row) => row.children[k].textContent.replace("\u2212", "-").trim();
+        const size = (row) => (k ? parseFloat(text(row)) : NaN);
+        const order = (a, b) => {
+          const [x, y] = [size(a), size(b)];
+          if (Number.isNaN(x) || Number.isNaN(y))
+            return Number.isNaN(x) && Number.isNaN(y) ? way * text(a).localeCompare(text(b)) : Number.isNaN(x) ? 1 : -1;
+          return way * (x - y);
+        };
+        showAll();
+        rows[0].parentNode.append(...[...rows].sort(order));
+      });
+    });
+  }
 
   const copy = document.getElementById("copy");
   if (navigator.clipboard) {

@@ -138,9 +138,12 @@ def _table(comparison: Comparison) -> str:
         for c in comparison.columns
         if c.shown is not None and not c.left
     ]
-    return html_table(
-        [name, *numbers], comparison.rows, kind=lambda row: "" if row.solved else "refused"
-    )
+    taken = comparison.recommended
+
+    def kind(row: Row) -> str:
+        return "taken" * (row is taken) if row.solved else "refused"
+
+    return html_table([name, *numbers], comparison.in_order, kind=kind)
 
 
 def _typeset(column: Column[R], title: str) -> Column[R]:
@@ -179,5 +182,6 @@ def _name(k: int, row: Row, advice: str | None) -> Markup:
     why = f'<span class="badge {badge}">{badge}</span> {html.escape(row.remark)}'
     tries = f"<span class=why>Try: {html.escape(advice)}</span>" if advice else ""
     style = " closed" if row.feedback else "" if row.solved else " dashed"
-    swatch = f'<span class="swatch plan-{k}{style}" aria-hidden="true"></span>'
+    swatch = f'<span class="swatch plan-{k}{style}" data-label="{html.escape(row.label)}"'
+    swatch += ' aria-hidden="true"></span>'
     return Markup(f"{swatch} {label}<span class=why>{why}</span>{tries}")

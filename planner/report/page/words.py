@@ -38,8 +38,9 @@ def verdict_html(comparison: Comparison) -> str:
     """Return the overall answer of a comparison, as a few sentences of HTML."""
     rows = [row for row in comparison.rows if not row.feedback]
     solved = sum(row.solved for row in rows)
-    start, name, rest = map(html.escape, comparison.headline_parts)
-    text = start + f"<b>{name}</b>" * bool(name) + rest.replace(" deg", "°")
+    start, name, lines = comparison.headline_parts
+    text = html.escape(start) + f"<b>{html.escape(name)}</b>" * bool(name)
+    text += "<br>".join(html.escape(line) for line in lines).replace(" deg", "°")
     if (take := comparison.recommended) and len(rows) > 1:
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
         if np.isfinite(take.E_median_deg):

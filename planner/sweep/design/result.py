@@ -147,7 +147,7 @@ class DesignStudy(Frozen):
             self.rows,
             caption=self._caption,
             ruled=True,
-            dim=lambda row: bool(row.design.refused),
+            style=lambda row: "dim" * bool(row.design.refused),
         )
 
     def markdown(self) -> str:

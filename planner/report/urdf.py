@@ -17,13 +17,17 @@ from planner.systems.triangular_system import PlanarArm
 THICKNESS = 0.08
 """Width of a drawn link, relative to the mean link length."""
 
+TORQUE_NM = 1.0
+"""Torque of a joint, which no problem states, N m; with 0 a simulated joint could not move."""
+
 
 def urdf_text(plan: Plan) -> str:
     """Return the arm of a plan as URDF: a base, and per joint a link that turns about the vertical.
 
     Lengths are those of `link_lengths`, in m. A joint's range is its limit in the problem or,
-    without a limit, one turn each way. URDF also requires a maximum speed, which is the plan's, and
-    a maximum torque (`effort`), which is 0 because it is unknown.
+    without a limit, one turn each way. URDF also requires a maximum speed: the fastest that the
+    limits of the inputs allow at any pose (at 0, where all cosines are 1), or without limits the
+    plan's. And a maximum torque (`effort`), which is unknown: `TORQUE_NM`.
 
     Raises:
         InputError: If the plan's system is not a planar arm.
@@ -36,6 +40,9 @@ def urdf_text(plan: Plan) -> str:
     most = plan.problem.limits.joint[1:]
     times = np.linspace(0.0, plan.duration, 1001)
     speeds = np.abs(system.rates(plan.q(times), plan.u(times))[:, 1:]).max(axis=0)
+    top = plan.problem.limits.input
+    if np.all(np.isfinite(top)):
+        speeds = np.maximum(speeds, np.abs(system.rates(np.zeros(system.size), top)[1:]))
     width = float(THICKNESS * lengths.mean())
     robot = ET.Element("robot", name="planner_arm")
     _add_link(robot, "base", 2 * width, width, 0.0)
@@ -47,7 +54,12 @@ def urdf_text(plan: Plan) -> str:
         ET.SubElement(joint, "origin", xyz=f"{lengths[i - 1] if i else 0.0!s} 0 0", rpy="0 0 0")
         ET.SubElement(joint, "axis", xyz="0 0 1")
         reach = float(most[i]) if np.isfinite(most[i]) else 2 * np.pi
-        limits = {"lower": -reach, "upper": reach, "effort": 0.0, "velocity": float(speeds[i])}
+        limits = {
+            "lower": -reach,
+            "upper": reach,
+            "effort": TORQUE_NM,
+            "velocity": float(speeds[i]),
+        }
         ET.SubElement(joint, "limit", {key: repr(value) for key, value in limits.items()})
     _add_link(robot, "tip", width / 2, width / 2, 0.0)
     joint = ET.SubElement(robot, "joint", name="tip_joint", type="fixed")

@@ -48,7 +48,7 @@ from planner.report.panels import (
     span,
     to_screen_digits,
 )
-from planner.robustness.sensitivity import sensitivity
+from planner.robustness.sensitivity import REFERENCE, Sensitivity, sensitivity, size_of
 from planner.support.arrays import jsonable
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import Manipulator
@@ -136,7 +136,8 @@ class Screen:
         }
 
     def errors(self) -> dict[str, Any]:
-        """Return the panel of errors, the motion of the machine with median E, and a plan's row.
+        """Return the panel of errors, the motion of the machine with median E, a plan's row, and
+        its sensitivities.
 
         Panel and motion are None without a replay; `why` says why feedback cannot follow the plan.
         """
@@ -145,7 +146,10 @@ class Screen:
             run = errors(self.outcome)
         except PlannerError as error:
             why = str(error)
-        shown = {"error": error_panel(run), "machine": None, "row": plan_row(plan, run), "why": why}
+        moves = plan is not None and plan.executable
+        found = sensitivity(plan, SENSITIVITY_STEPS) if plan is not None and moves else None
+        shown: dict[str, Any] = {"error": error_panel(run), "machine": None, "why": why}
+        shown |= {"row": plan_row(plan, found, run), "bars": sensitivity_bars(found)}
         if run is not None and shown["error"]:
             t = run.t[run.t <= run.plan.duration]
             motion = motion_data(run.plan, t, run.motion(median_sample(run))[: len(t)])
@@ -214,9 +218,9 @@ ROW = ("effort", "peak_u", "duration_s", "E_median_deg", "end_median_deg")
 """Figures of a plan's row, those of comparisons; the sensitivity follows."""
 
 
-def plan_row(plan: Plan | None, run: Replay | None) -> list[list[Any]]:
+def plan_row(plan: Plan | None, found: Sensitivity | None, run: Replay | None) -> list[list[Any]]:
     """Return the plan's figures, each as title, unit and number; none without a motion."""
-    if plan is None or not plan.executable:
+    if plan is None or found is None:
         return []
     system, known = plan.problem.system, figures(Row)
     values: dict[str, Any] = {
@@ -233,8 +237,18 @@ def plan_row(plan: Plan | None, run: Replay | None) -> list[list[Any]]:
             known[name].headings, np.ravel(values.get(name, np.nan)), strict=True
         )
     ]
-    row.append(["sensitivity", "deg", sensitivity(plan, SENSITIVITY_STEPS).passive_block_deg()])
+    row.append(["sensitivity", "deg", found.passive_block_deg()])
     return list(jsonable(row))
+
+
+def sensitivity_bars(found: Sensitivity | None) -> list[list[Any]]:
+    """Return each error, its usual size in words, and how far it moves the angles at the end, deg;
+    none without a motion."""
+    if found is None:
+        return []
+    ends = np.linalg.norm(found.contribution_deg(REFERENCE), axis=0)
+    sizes = map(size_of, found.reference(REFERENCE), found.units)
+    return [list(each) for each in zip(found.parameters, sizes, jsonable(ends), strict=True)]
 
 
 def path_line(outcome: ScreenOutcome, took_s: float) -> str:

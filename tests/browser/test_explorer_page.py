@@ -159,6 +159,31 @@ def picture(page: Any, name: str, otherwise: Path) -> None:
     assert path.stat().st_size > 20_000
 
 
+def test_sensitivities_are_bars_that_follow_the_weight(show: Any, tmp_path: Path) -> None:
+    page = show("try")
+    page.locator("[data-control='method']").select_option("desensitised")
+    settled(page)
+    page.locator("[data-button=tuning]").click()
+    blocks = page.locator(".px-tuning .px-error")
+    assert blocks.count() > 5
+
+    def bars() -> dict[str, float]:
+        return {
+            block.locator(".px-name").text_content(): float(
+                block.locator(".px-bar").first.text_content().split()[0]
+            )
+            for block in blocks.all()
+        }
+
+    calm = bars()
+    slide(page, "method.desensitised.effort", 999)
+    settled(page)
+    cheap = bars()
+    assert max(cheap[name] / calm[name] for name in calm if calm[name]) > 1.2, "less is weighed"
+    assert page.locator(".px-tuning .px-before").count() == len(calm)
+    picture(page, "tuning", tmp_path)
+
+
 def milliseconds(page: Any, values: range) -> float:
     """Median time from a slider's movement to the new picture."""
     times = []

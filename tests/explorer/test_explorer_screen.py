@@ -367,6 +367,23 @@ def test_a_plan_s_figures_are_those_of_a_comparison_with_its_sensitivity() -> No
     assert screen("paper-fig5").errors()["row"] == [], "no real angles"
 
 
+def test_the_bars_are_the_ends_that_each_error_moves_and_follow_the_weight() -> None:
+    shown = screen("paper", "collocation", samples=0)
+    plan = shown.plan()
+    bars = {name: (size, deg) for name, size, deg in shown.errors()["bars"]}
+    found = planner.sensitivity(plan)
+    moved = np.zeros(4)
+    for name, change in (("start theta1", np.deg2rad(0.5)), ("gain u1", 0.01)):
+        moved = np.rad2deg(change * found.terminal[1:, found.parameters.index(name)])
+        assert bars[name][1] == pytest.approx(np.linalg.norm(moved), rel=1e-3)
+    assert (bars["start theta1"][0], bars["gain u1"][0]) == ("0.5 deg", "1 %")
+    assert set(bars) == set(found.parameters)
+    shown.change([("method", "desensitised")])
+    calm = {name: deg for name, _, deg in shown.errors()["bars"]}
+    assert calm["start theta1"] < 0.8 * bars["start theta1"][1]
+    assert screen("paper-fig5").errors()["bars"] == [], "no real angles"
+
+
 def test_feedback_follows_the_plan_and_the_code_says_so() -> None:
     shown = screen("paper", "collocation", samples=2)
     before = shown.errors()

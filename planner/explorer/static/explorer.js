@@ -88,7 +88,8 @@ function render({ model, el }) {
   const mechanism = make("div", { class: "px-mechanism", tabindex: 0, hidden: "" });
   const row = buttons();
   const table = make("div", { class: "px-table" });
-  main.append(head, words, row, texts, table, mechanism, grid, live);
+  const tuning = make("div", { class: "px-tuning", tabindex: 0, hidden: "" });
+  main.append(head, words, row, texts, table, tuning, mechanism, grid, live);
   root.append(side, main);
   el.append(root);
 
@@ -105,6 +106,7 @@ function render({ model, el }) {
   let current = { plans: [], panels: [] }; // what the last answers showed of the plan
   let second = { label: "second plan", plans: [], panels: [] }, secondIs = "old"; // or "new", "off"
   let kept = [], keptBefore = 0;
+  let barsBefore = []; // sensitivities of the plan that was on the screen before
   let panels = []; // what is drawn: the current plan with the others
   let settings = new Map(); // the controls by name
   let stale = false;
@@ -243,8 +245,9 @@ function render({ model, el }) {
     }
     if (reply.error !== undefined) {
       charts.get("error")?.host.classList.remove("px-past");
-      const { error, machine, row, why } = reply;
-      current = { ...current, error, machine, row, why };
+      const { error, machine, row, why, bars } = reply;
+      if (JSON.stringify(bars) !== JSON.stringify(current.bars ?? [])) barsBefore = current.bars ?? [];
+      current = { ...current, error, machine, row, why, bars };
       if (why) tell();
       root.classList.remove("px-moved");
     }
@@ -370,10 +373,42 @@ function render({ model, el }) {
     }
   }
 
+  /** A bar for each error and plan: how far the error moves the end; a line where it was before. */
+  function drawBars() {
+    tuning.replaceChildren();
+    if (tuning.hidden) return;
+    const every = [current, ...others()].filter((one) => one.bars?.length);
+    const note = "how far each error alone, of its usual size, moves the angles at the end (deg, first order)";
+    make("p", { class: "px-note", text: every.length ? `Sensitivity: ${note}; the line: before the last change.` : "No sensitivity without a motion." }, tuning);
+    if (!every.length) return;
+    const names = [...new Set(every.flatMap((one) => one.bars.map(([name]) => name)))];
+    const value = (bars, name) => bars?.find((bar) => bar[0] === name)?.[2];
+    const most = Math.max(...names.flatMap((name) => [...every.map((one) => one.bars), barsBefore].map((bars) => value(bars, name) ?? 0)), 1e-9);
+    for (const name of names) {
+      const size = every.map((one) => one.bars.find((bar) => bar[0] === name)?.[1]).find(Boolean);
+      const block = make("div", { class: "px-error" }, tuning);
+      make("span", { class: "px-name", text: `${name} (${size})` }, block);
+      const bars = make("div", {}, block);
+      for (const one of every) {
+        const end = value(one.bars, name);
+        if (end === undefined) continue;
+        const line = make("div", { class: "px-bar", title: one.label ?? "" }, bars);
+        const plan = one.plans[0];
+        const place = make("span", { class: "px-place" }, line);
+        const bar = make("span", { class: `px-fill plan-${plan?.colour ?? 0} ${one === current ? "" : "px-other"}` }, place);
+        bar.style.width = `${(100 * end) / most}%`;
+        const before = one === current ? value(barsBefore, name) : undefined;
+        if (before !== undefined) make("span", { class: "px-before" }, place).style.left = `${(100 * before) / most}%`;
+        make("span", { text: `${short(end, 3)} ${one === current ? "" : one.label ?? ""}` }, line);
+      }
+    }
+  }
+
   function redraw() {
     if (!current.plans.length) return;
     compose();
     tabulate();
+    drawBars();
     const ids = panels.map((panel) => panel.id);
     if ([...charts.keys()].join() !== ids.join()) {
       grid.replaceChildren();
@@ -399,8 +434,8 @@ function render({ model, el }) {
 
   function buttons() {
     const row = make("div", { class: "px-buttons" });
-    const actions = { keep, second: toggleSecond, machine: toggleMachine, feedback: toggleFeedback, code: showText, file: showText, mechanism: toggleMechanism, reset };
-    const words = { keep: "Keep this curve", second: "Second plan", machine: "Machine", feedback: "Feedback", code: "Python code", file: "Problem file", mechanism: "Mechanism", reset: "Reset" };
+    const actions = { keep, second: toggleSecond, machine: toggleMachine, feedback: toggleFeedback, code: showText, file: showText, mechanism: toggleMechanism, tuning: toggleTuning, reset };
+    const words = { keep: "Keep this curve", second: "Second plan", machine: "Machine", feedback: "Feedback", tuning: "Sensitivity", code: "Python code", file: "Problem file", mechanism: "Mechanism", reset: "Reset" };
     for (const [kind, text] of Object.entries(words))
       make("button", { type: "button", text, "data-button": kind }, row).onclick = () => actions[kind](kind);
     return row;
@@ -438,6 +473,12 @@ function render({ model, el }) {
     whenFree(() => ask("reset"));
   }
 
+  function toggleTuning() {
+    tuning.hidden = !tuning.hidden;
+    drawBars();
+    press();
+  }
+
   function toggleMechanism() {
     mechanism.hidden = !mechanism.hidden;
     if (!mechanism.hidden && system !== drawn) whenFree(() => ask("mechanism"));
@@ -456,7 +497,7 @@ function render({ model, el }) {
 
   /** Mark the buttons whose content is open. */
   function press() {
-    const open = { second: secondIs !== "off", machine: page.ghost, feedback: settings.get("feedback")?.shown ?? false, code: texts.dataset.wanted === "code", file: texts.dataset.wanted === "file", mechanism: !mechanism.hidden };
+    const open = { second: secondIs !== "off", machine: page.ghost, feedback: settings.get("feedback")?.shown ?? false, code: texts.dataset.wanted === "code", file: texts.dataset.wanted === "file", mechanism: !mechanism.hidden, tuning: !tuning.hidden };
     for (const [kind, pressed] of Object.entries(open))
       row.querySelector(`[data-button=${kind}]`).setAttribute("aria-pressed", pressed);
   }

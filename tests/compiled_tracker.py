@@ -20,6 +20,7 @@ ACCESS = """
 #include "tracker.h"
 unsigned tracker_size(void) { return (unsigned)sizeof(tracker); }
 int tracker_fallbacks(const tracker *self) { return self->fallbacks; }
+int tracker_outside(const tracker *self) { return self->outside; }
 int tracker_steps(const tracker *self) { return self->steps; }
 """
 """What is looked at from outside, as functions."""
@@ -82,6 +83,11 @@ class CompiledControl:
     def fallbacks(self) -> NDArray[np.int64]:
         """See `Controller`."""
         return np.array([self._library.tracker_fallbacks(state) for state in self.states])
+
+    @property
+    def outside(self) -> list[int]:
+        """The joint of each sample that first left the band; 0: none."""
+        return [self._library.tracker_outside(state) for state in self.states]
 
     def command(self, sample: int, tick: int) -> tuple[int, NDArray[Any]]:
         """Status and speeds (2,)."""

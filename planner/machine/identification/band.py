@@ -70,12 +70,10 @@ def departure(
     noise = machine.mean("encoder_noise_deg", log.theta.shape[1])
     floor = noise + machine.mean("encoder_resolution_deg") / 2
     floor = floor + ((machine.worth and machine.worth.half_width_deg) or 0.0)
-    theta = np.rad2deg(run.q[:, :, 1:])
-    middle, spread = np.median(theta, axis=0), np.std(theta, axis=0) + floor
-    widest = np.max(np.abs(theta - middle) / spread, axis=(1, 2))  # of each machine
-    band = spread * max(1.0, float(np.percentile(widest, 95)))
+    middle, width = band(np.rad2deg(run.q[:, :, 1:]), floor)
     t = log.t - log.start_s(plan) if plan is not None and known else log.t
-    middle, half = (np.stack([np.interp(t, run.t, x) for x in y.T], axis=1) for y in (middle, band))
+    both = middle, width
+    middle, half = (np.stack([np.interp(t, run.t, x) for x in y.T], axis=1) for y in both)
     gap = _mean(log, log.theta_deg - predict_run(log, problem, machine).theta_deg)
     off = _mean(log, log.theta_deg - middle) if known else gap
     if np.all(np.abs(off) <= half):
@@ -84,6 +82,18 @@ def departure(
     i = int(np.argmax(np.abs(off[k]) / half[k]))
     is_arm = bool(np.any(np.abs(gap) > half) or np.max(np.abs(gap)) > np.max(np.abs(off)) / 2)
     return Departure(float(log.t[k]), i + 1, float(off[k, i]), is_arm)
+
+
+def band(theta: Array, floor: Array | float) -> tuple[Array, Array]:
+    """Return middle and half width (R, n) of the band in which 95 % of S machines stay throughout.
+
+    Args:
+        theta: Angles of the machines, (S, R, n).
+        floor: Addition to their standard deviation, (n,) or a number.
+    """
+    middle, spread = np.median(theta, axis=0), np.std(theta, axis=0) + floor
+    widest = np.max(np.abs(theta - middle) / spread, axis=(1, 2))  # of each machine
+    return middle, spread * max(1.0, float(np.percentile(widest, 95)))
 
 
 def _mean(log: Log, values: Array) -> Array:

@@ -22,6 +22,7 @@ from planner.machine.closed_loop import Controller, Feedback
 from planner.machine.feedback import estimate, programme, tracker
 from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedback.tracker import Tracker, TrackerDesign
+from planner.machine.identification.band import MACHINES, MEAN_S, band
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -55,6 +56,10 @@ ODD_SHARE: dict[str, float] = {"double": 0.0, "float": 0.02}
 """Share of the self-test's periods in which commands may differ by more than `ALLOWED_SHARE`.
 Rounding can decide whether a joint has moved; later readings bring both versions together."""
 
+LEAST_SPREAD_RAD = 1e-4
+"""Addition to the spread of readings, which is zero where machines read exactly; less than
+any encoder's."""
+
 MAX_STEPS = 400
 """Largest number of steps of the active-set method; the worst of 200 arms needs a tenth."""
 
@@ -78,7 +83,7 @@ def controller_files(plan: Plan, machine: Machine | None, real: str) -> dict[str
     design = follower.design(plan, machine)
     return {name: source(PACKAGE, name) for name in SOURCES} | {
         "sizes.h": _sizes(design, real),
-        "tables.h": _tables(design, plan.problem.system, real),
+        "tables.h": _tables(design, plan.problem.system, real, _band(plan, machine, follower)),
         "recording.h": _recording(plan, machine, follower, real),
         "README.md": _readme(plan, machine, design, real),
     }
@@ -104,7 +109,19 @@ def _sizes(design: TrackerDesign, real: str) -> str:
     return _guard("TRACKER_SIZES_H", lines)
 
 
-def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
+def _band(plan: Plan, machine: Machine, follower: Tracker) -> dict[str, Array]:
+    """Return the band in which the readings of 95 % of the machines stay, (K, N−1), rad."""
+    recorder = Recorder(follower, lambda _, read: read)
+    replay(plan, machine, MACHINES, feedback=recorder, record_s=None)
+    read = np.array([read[1:] for _, read, _ in recorder.log])
+    told = (machine.worth and machine.worth.half_width_deg) or 0.0
+    middle, half = band(np.moveaxis(read, 2, 0), np.deg2rad(told) + LEAST_SPREAD_RAD)
+    return {"MIDDLE": np.nan_to_num(middle), "BAND": np.nan_to_num(half, nan=FREE)}
+
+
+def _tables(
+    design: TrackerDesign, system: TriangularSystem, real: str, readings: dict[str, Array]
+) -> str:
     ref, clock = design.ref, design.ref.timing
     numbers = {
         "TICK_S": clock.tick,
@@ -119,6 +136,7 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
             "FITTING_SPREADS", "EXACT_READING_SPREAD", "NOISE_SHARE", "REST_SHARE",
             "PUSHED_SPREADS", "UNKNOWN_VARIANCE")},
         "PLAY_SPREAD_SHARE": tracker.PLAY_SPREAD_SHARE,
+        "MEAN_SHARE": min(1.0, clock.period / MEAN_S),
     }  # fmt: skip
     whole = {
         "RATED": int(design.ramp),
@@ -132,7 +150,8 @@ def _tables(design: TrackerDesign, system: TriangularSystem, real: str) -> str:
     lines += [f"#define {name} {value}" for name, value in whole.items()]
     lines += [f"#define {name} ({write(value)})" for name, value in numbers.items()]
     lines += [
-        _array(f"static const real {name}", value, write) for name, value in _arrays(design).items()
+        _array(f"static const real {name}", value, write)
+        for name, value in (_arrays(design) | readings).items()
     ]
     if design.ramp:
         lines.append(_array("static const int LAST_TICK", ref.last_ticks, str))
@@ -341,6 +360,7 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         table_kb=f"{numbers * size / 1024:.0f}",
         allowed=f"{ALLOWED_SHARE[real]:.2%} of the greatest command",
         odd=f"{ODD_SHARE[real]:.0%}",
+        mean=f"{MEAN_S:g}",
         tick_ms=f"{1000 * clock.tick:g}",
         period_ms=f"{1000 * clock.period:g}",
         ticks=clock.ticks,

@@ -518,6 +518,13 @@ void tracker_start(tracker *self) {
     for (int i = 0; i < TRACKER_LATENCY_TICKS; i++) tell(self, FIRST[i]);
 }
 
+/* Note the first joint whose mean reading leaves the band that 95 % of the machines keep. */
+static void watch(tracker *self, int k, int j, real seen) {
+    if (!isfinite(seen)) return;
+    self->off[j] += MEAN_SHARE * (seen - MIDDLE[k][j] - self->off[j]);
+    if (!self->outside && FN(fabs)(self->off[j]) > BAND[k][j]) self->outside = j + 1;
+}
+
 tracker_status tracker_read(tracker *self, const tracker_real measured[TRACKER_COORDINATES]) {
     const int k = self->period;
     if (k >= K) return TRACKER_OVER;
@@ -528,7 +535,10 @@ tracker_status tracker_read(tracker *self, const tracker_real measured[TRACKER_C
         forecast(self, &pose, k * M, before, now);
         take_forecast(self, &pose);
     }
-    for (int j = 0; j < J; j++) read_joint(self, j, measured[j + 1]);
+    for (int j = 0; j < J; j++) {
+        read_joint(self, j, measured[j + 1]);
+        watch(self, k, j, measured[j + 1]);
+    }
     if (isfinite(measured[0]))
         self->pose.q[0] =
             clip(self->pose.q[0], measured[0] - HALF_STEP[0], measured[0] + HALF_STEP[0]);

@@ -25,6 +25,8 @@ typedef struct {
     tracker_real corrections[TRACKER_HORIZON][2];
     tracker_real told[TRACKER_RING][2], travel[TRACKER_RING][2];
     int period, ticks;  /* readings so far; ticks whose commands are known */
+    tracker_real off[TRACKER_COORDINATES - 1];  /* mean readings minus the middle of their band */
+    int outside;        /* the joint, from 1, that first left the band of 95 % of the machines; or 0 */
     int fallbacks;      /* periods whose correction could not be optimised as intended */
     int steps;          /* of the active-set method in the last period; 0: no limit was active */
 } tracker;

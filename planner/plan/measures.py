@@ -38,6 +38,9 @@ EFFORT = "integral of u1^2 + u2^2 dt"
 EDGE_MARGIN = 0.05
 """Margin (for the manipulator, sin² of an angle) at which the closeness to an edge is 1/e."""
 
+INTEGRALS = 6
+"""Number of integrals that collocation minimises; see `Term.share`."""
+
 _GAUSS = np.polynomial.legendre.leggauss(4)
 
 
@@ -182,16 +185,16 @@ class Objective(Frozen):
 
     @cached_property
     def weights(self) -> Array:
-        """Weights of the six integrals that collocation minimises, shape (6,); see `Term.share`.
+        """Weights of the integrals that collocation minimises, shape (6,); see `Term.share`.
 
         Raises:
             InputError: If collocation has no integral for a term of `TERMS`.
         """
-        out = np.zeros(6)
+        out = np.zeros(INTEGRALS)
         for key in filter(TERMS.__contains__, self.terms):  # a method computes its own terms
             if not TERMS[key].share:
                 raise InputError(f"collocation has no integral for the term '{key}'")
-            out += self.terms[key] * np.array(TERMS[key].share)
+            out[: len(TERMS[key].share)] += self.terms[key] * np.array(TERMS[key].share)
         return locked(out)
 
 
@@ -203,8 +206,8 @@ class Term:
         words: What it is, in the objective's name.
         value: Returns its value for a motion.
         share: Its share in each integral that collocation minimises: the duration, each ∫uᵢ² dt,
-            each ∫(duᵢ/dt)² dt, and the closeness to the domain's edge. Empty if collocation does
-            not minimise it.
+            each ∫(duᵢ/dt)² dt, and the closeness to the domain's edge; what is left out at its end
+            is zero. Empty if collocation does not minimise it.
     """
 
     words: str
@@ -213,16 +216,12 @@ class Term:
 
 
 TERMS: dict[str, Term] = {
-    "duration": Term("duration", lambda trajectory: trajectory.duration, (1, 0, 0, 0, 0, 0)),
-    "effort": Term(EFFORT, effort, (0, 1, 1, 0, 0, 0)),
-    "effort u1": Term(
-        "integral of u1^2 dt", lambda trajectory: _efforts(trajectory)[0], (0, 1, 0, 0, 0, 0)
-    ),
-    "effort u2": Term(
-        "integral of u2^2 dt", lambda trajectory: _efforts(trajectory)[1], (0, 0, 1, 0, 0, 0)
-    ),
+    "duration": Term("duration", lambda trajectory: trajectory.duration, (1,)),
+    "effort": Term(EFFORT, effort, (0, 1, 1)),
+    "effort u1": Term("integral of u1^2 dt", lambda curve: _efforts(curve)[0], (0, 1)),
+    "effort u2": Term("integral of u2^2 dt", lambda curve: _efforts(curve)[1], (0, 0, 1)),
     "effort, not minimised": Term(f"{EFFORT} (not minimised by this method)", effort),
-    "smoothness": Term("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness, (0, 0, 0, 1, 1, 0)),
+    "smoothness": Term("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness, (0, 0, 0, 1, 1)),
     "closeness": Term("mean closeness to the domain's edge", closeness, (0, 0, 0, 0, 0, 1)),
     "least duration": Term(
         "the least for this path, in seconds",

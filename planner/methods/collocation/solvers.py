@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from planner.methods.collocation.transcription.bounds import Bounds
-from planner.methods.collocation.transcription.form import TERMS
 from planner.methods.collocation.transcription.transcription import Program, Transcription
+from planner.plan.measures import INTEGRALS
 from planner.problem.tables.method_options import SolverName
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -262,7 +262,7 @@ class _Fatrop:
     def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
         bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
-        weighted[:TERMS] *= self._weight
+        weighted[:INTEGRALS] *= self._weight
         inputs = (start, weighted, *bounds[0], *bounds[1])
         vector = np.empty(len(start))
         with self._lock:

@@ -1,5 +1,6 @@
 """Objectives of collocation beside effort and time."""
 
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -9,7 +10,7 @@ import pytest
 import planner
 from planner.methods.collocation.transcription.form import objective
 from planner.methods.collocation.transcription.interval import EDGE_MARGIN
-from planner.plan.measures import TERMS, Objective
+from planner.plan.measures import INTEGRALS, TERMS, Objective
 from planner.problem.tables.method_options import CollocationOptions
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -40,24 +41,45 @@ def regularised_closeness(plan: planner.Plan) -> float:
     return closeness(plan) + 0.01 * effort(plan)
 
 
+MEASURES = {"effort": effort, "smooth": smoothness, "edge": regularised_closeness}
+"""Of each objective for a fixed duration, its value by a second code path."""
+
+KINDS = get_args(CollocationOptions.model_fields["objective"].annotation)
+
+
 @pytest.fixture(scope="module")
 def plans(paper: planner.Problem) -> dict[str, planner.Plan]:
-    kinds = ("effort", "smooth", "edge")
-    return {kind: planner.solve(paper, "collocation", objective=kind) for kind in kinds}
+    assert {*KINDS} - {*MEASURES} == {"auto", "time", "mixed"}, "give the new one a measure here"
+    return {kind: planner.solve(paper, "collocation", objective=kind) for kind in MEASURES}
 
 
 def test_each_objective_is_what_it_says_and_the_least_of_all(
     plans: dict[str, planner.Plan],
 ) -> None:
-    measures = {
-        "effort": effort,
-        "smooth": smoothness,
-        "edge": regularised_closeness,
-    }
-    for kind, measure in measures.items():
+    for kind, measure in MEASURES.items():
         values = {name: measure(plan) for name, plan in plans.items()}
         assert plans[kind].objective == pytest.approx(values[kind], rel=1e-3)
         assert values[kind] < 0.99 * min(v for name, v in values.items() if name != kind)
+
+
+@pytest.mark.parametrize("kind", MEASURES)
+def test_the_value_is_that_of_the_motion_in_any_units(paper: planner.Problem, kind: str) -> None:
+    """As slow a motion has another natural unit of time (`Units.weights`)."""
+    slow = paper.changed({"goal.duration": 10_000.0})
+    plan = planner.solve(slow, "collocation", objective=kind, start="straight")
+    assert plan.objective == pytest.approx(plan.aim.value(plan.trajectory), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", MEASURES)
+def test_the_mesh_is_refined_until_the_objective_has_settled(
+    paper: planner.Problem, kind: str
+) -> None:
+    """From a mesh so coarse that motions from rest to rest cost much more (`_savings` of
+    `planner/methods/collocation/between_nodes.py` must see every integral)."""
+    options = {"objective": kind, "rest": True, "start": "straight"}
+    plan = planner.solve(paper, "collocation", intervals=6, accuracy=1e-3, **options)
+    fine = planner.solve(paper, "collocation", intervals=120, **options)
+    assert plan.objective < 1.002 * fine.objective
 
 
 def test_a_mix_lies_between(paper: planner.Problem, plans: dict[str, planner.Plan]) -> None:
@@ -100,9 +122,6 @@ def test_the_smoothest_path_need_not_be_the_shortest(duration: float) -> None:
     assert usual.objective <= 1.001 * loops.objective
 
 
-KINDS = get_args(CollocationOptions.model_fields["objective"].annotation)
-
-
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "auto"])
 def test_every_objective_consists_of_terms_that_are_minimised_and_measured(
     paper: planner.Problem, kind: str
@@ -111,11 +130,14 @@ def test_every_objective_consists_of_terms_that_are_minimised_and_measured(
     found = objective(paper, options)
     assert found.kind == kind
     assert found.terms.keys() <= TERMS.keys()
+    assert re.search(
+        rf"\b{kind}[:,]", str(CollocationOptions.model_fields["objective"].description)
+    )
     assert np.count_nonzero(found.weights) >= len(found.terms)
 
 
 def test_a_term_that_collocation_cannot_minimise_is_refused() -> None:
     """Without its integral in the programme it would be left out in silence."""
-    assert Objective("own", {"of the method": 1.0}).weights.tolist() == [0.0] * 6
+    assert Objective("own", {"of the method": 1.0}).weights.tolist() == [0.0] * INTEGRALS
     with pytest.raises(ValueError, match="no integral for the term 'chart peak'"):
         _ = Objective("new", {"effort": 1.0, "chart peak": 1.0}).weights

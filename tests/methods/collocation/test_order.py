@@ -13,9 +13,10 @@ from scipy.sparse.linalg import spsolve
 import planner
 from planner import Manipulator, chained_form
 from planner.methods.collocation.transcription.augmented import Augmented
-from planner.methods.collocation.transcription.form import TERMS, Form, Kind, Mesh, uniform
+from planner.methods.collocation.transcription.form import Form, Kind, Mesh, uniform
 from planner.methods.collocation.transcription.transcription import transcription
 from planner.methods.collocation.transcription.unknowns import Iterate
+from planner.plan.measures import INTEGRALS
 from planner.problem.requirements.motion_limits import JointLimit, Z2Margin
 from planner.systems.linearisation import parameters
 
@@ -39,7 +40,7 @@ def integrated(kind: Kind, degree: int, intervals: int) -> np.ndarray[Any, Any]:
     """The end state of the transcription with all inputs given: its rows solved by Newton."""
     made = transcription(Manipulator([0.9], 0.7), Form(intervals, kind, degree))
     mesh = uniform(intervals)
-    parameters = np.concatenate([np.eye(TERMS)[1], mesh.widths])
+    parameters = np.concatenate([np.eye(INTEGRALS)[1], mesh.widths])
     guess = Iterate(
         DURATION,
         np.tile(START, (intervals + 1, 1)),
@@ -78,7 +79,7 @@ def test_rows_agree_with_numpy(name: str, kind: Kind, input_kind: Any) -> None:
     form = Form(5, kind, 3, input_kind, kept=(Z2Margin(0.0, 1),))
     made, rng = transcription(system, form), np.random.default_rng(3)
     mesh = Mesh(np.array([0.0, 0.1, 0.35, 0.6, 0.8, 1.0]))
-    p = np.concatenate([rng.random(3), np.zeros(TERMS - 3), mesh.widths])
+    p = np.concatenate([rng.random(3), np.zeros(INTEGRALS - 3), mesh.widths])
     w = made.layout.pack(some_iterate(form, system.size, rng), mesh.widths)
     objective, rows, iterate = made.outcome(w, p)
     np.testing.assert_allclose(made.layout.pack(iterate, mesh.widths), w, atol=1e-14)

@@ -22,7 +22,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation.transcription.augmented import Augmented
 from planner.methods.collocation.transcription.follower import Follower
-from planner.plan.measures import Objective
+from planner.plan.measures import INTEGRALS, Objective
 from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import Requirement
 from planner.problem.tables.method_options import CollocationOptions
@@ -72,11 +72,6 @@ def scheme(kind: Kind, degree: int) -> Scheme:
 
 InputKind = Literal["constant", "linear"]
 
-TERMS = 6
-"""Number of terms of the objective: duration; effort of each input; smoothness of each input;
-closeness to the domain's edge."""
-
-
 REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
 """Durations, s, for which the natural unit of time is one second: a given duration; and, for a free
 duration, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m.
@@ -105,7 +100,7 @@ class Units:
     objective: float = 1.0
 
     def weights(self, weights: Array) -> Array:
-        """Convert the weights of an objective's six terms, shape (6,), to natural units."""
+        """Convert the weights of an objective's integrals, shape (6,), to natural units."""
         T, squares = self.time_s, np.square(self.inputs)
         units = np.array([T, *(squares * T), *(squares / T), 1.0])
         return np.asarray(weights * units / self.objective)
@@ -194,7 +189,7 @@ class Form:
         """Number of parameters of an interval besides its width: weights of the objective, numbers
         of the requirements, the smoothing of a follower, and the duration if fixed."""
         numbers = sum(len(requirement.row_fields) for requirement in (*self.kept, *self.final))
-        return TERMS + numbers + (self.follower is not None) + (not self.free_duration)
+        return INTEGRALS + numbers + (self.follower is not None) + (not self.free_duration)
 
     @property
     def scheme(self) -> Scheme:

@@ -18,8 +18,8 @@ import casadi as ca
 import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
-from planner.methods.collocation.transcription.form import TERMS, Form, Units
-from planner.plan.measures import EDGE_MARGIN
+from planner.methods.collocation.transcription.form import Form, Units
+from planner.plan.measures import EDGE_MARGIN, INTEGRALS
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support.arrays import Array
 from planner.systems.triangular_system import TriangularSystem
@@ -240,7 +240,7 @@ def _limit_rows(
     at_points = form.scheme.points.tolist() if form.inner else []
     state = {0.0: x.X, 1.0: after, **dict(zip(form.scheme.points.tolist(), points, strict=True))}
     units, seconds = ca.DM(form.units.inputs), form.units.time_s
-    part, first = 0, TERMS
+    part, first = 0, INTEGRALS
     for blank in form.kept:
         last = first + len(blank.row_fields)
         requirement, first = blank.with_row_fields(ca.vertsplit(x.weights[first:last])), last

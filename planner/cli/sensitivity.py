@@ -87,7 +87,7 @@ def sensitivity(
     if pareto is not None:
         if methods is not None:
             raise InputError("--pareto and --methods contradict each other; give one of them")
-        return run_trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
+        return _trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     refuse_unwritable_folder(out)
     if (named := join_methods(methods)) is not None:
         return _side_by_side(source, named, changes, out)
@@ -156,7 +156,7 @@ def _advice(responses: Sensitivity) -> str:
 PICTURE_FILE, TABLE_FILE, KNEE_FILE = "trade-off.png", "trade-off.csv", "knee.json"
 
 
-def run_trade_off(
+def _trade_off(
     source: Path,
     kind: Kind,
     points: int,

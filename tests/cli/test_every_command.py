@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,22 @@ def test_every_list_of_methods_counts(command: str, run: Callable) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_list_says_of_a_command_what_the_command_says(command: str) -> None:
     assert COMMANDS[command][1] == (inspect.getdoc(load_command(command)) or "").splitlines()[0]
+
+
+def test_every_function_that_ends_with_a_status_is_a_command_in_the_list_and_in_the_guide() -> None:
+    rooms = [
+        import_module(f"planner.cli.{name}") for name in {room for room, _ in COMMANDS.values()}
+    ]
+    ending = {
+        name
+        for room in rooms
+        for name, one in inspect.getmembers(room, inspect.isfunction)
+        if one.__module__ == room.__name__ and one.__annotations__.get("return") == "int"
+    }
+    assert {name for name in ending if not name.startswith("_")} == set(COMMANDS)
+    guide = (PAPER.parents[1] / "docs/start.md").read_text("utf-8").partition("## All commands")[2]
+    told = " ".join(row for row in guide.splitlines() if row.startswith("| `planner "))
+    assert [name for name in COMMANDS if not re.search(rf"`(planner )?{name}\b", told)] == []
 
 
 @pytest.mark.parametrize("command", [["plan", PAPER], ["new"], ["systems"]])

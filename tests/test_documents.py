@@ -13,10 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import main
 from registered import restored
 
 import planner
-from planner.cli.app import COMMANDS, main
+from planner.cli.app import COMMANDS
 
 ROOT = Path(__file__).parents[1]
 PATH = re.compile(r"(?<![\w/.])(?:planner|tests|docs|problems|results|\.ci)/[\w./-]*[\w/]")

@@ -19,8 +19,8 @@ import pytest
 from pydantic import BaseModel
 
 import planner
+from planner import Identification
 from planner.errors import Part
-from planner.machine.identification.identify import Identification
 from planner.problem.tables.method_options import DesensitisedOptions
 from planner.robustness.trade_off_points import TradeOffPoint
 

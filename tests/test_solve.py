@@ -67,8 +67,8 @@ def test_bad_requests_are_named(
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"start.theta_deg": [0, 1, 1]}, "start has theta1 = 0"),
-        ({"goal.theta_deg": [30, 0, 30]}, "goal has theta2 = 0"),
+        ({"start.theta_deg": [0, 1, 1]}, "start .*theta1 = 0"),
+        ({"goal.theta_deg": [30, 0, 30]}, "goal .*theta2 = 0"),
         ({"start.theta_deg": [1, -1, 1]}, "theta2 changes sign"),
     ],
 )
@@ -77,7 +77,7 @@ def test_ends_off_the_chart_are_refused(
 ) -> None:
     with pytest.raises(planner.SingularError, match=says) as info:
         planner.solve(unlimited.changed({"goal.travel": 0.82, **changes}), "polynomial")
-    assert "collocation" in str(info.value)
+    assert "collocation" in {change.method for change in info.value.changes}
 
 
 @pytest.mark.parametrize("method", ["collocation", "desensitised"])

@@ -12,11 +12,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from command import main
 
 import planner
 from planner import chained_form
 from planner.cli import output
-from planner.cli.app import main
 from planner.cli.output import Job, keep_best_on_interrupt
 from planner.explorer.outcome import path
 from planner.explorer.state import State

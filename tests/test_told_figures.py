@@ -15,7 +15,6 @@ import planner
 from planner.cli.app import COMMANDS
 from planner.cli.arguments import read_problem
 from planner.paper.reproduce import MISPRINTS
-from planner.plan.measures import peak_inputs
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[1]
@@ -115,7 +114,7 @@ def test_the_mean_offset_is_as_poor_as_it_is_said_to_be() -> None:
         }
     )
     mean, ours = (
-        np.max(peak_inputs(planner.solve(problem, "polynomial", offset=rule).trajectory))
+        np.max(planner.solve(problem, "polynomial", offset=rule).peak_u)
         for rule in ("mean", "auto")
     )
     (step,) = (ours for where, _, ours in MISPRINTS if where == "step 4")

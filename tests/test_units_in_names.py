@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 import planner
+from planner import load_comparison, run_sweep
 from planner.comparison.comparison import comparison_csv
-from planner.report.saved import load_comparison
 from planner.sweep.results import read
-from planner.sweep.run import run_sweep
 from planner.verification.summary import plan_summary, refusal_summary, summary_keys
 
 PROBLEMS = Path(__file__).parents[1] / "problems"

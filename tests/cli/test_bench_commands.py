@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import planner
-from planner.machine.identification.identify import Identification
+from planner import Identification
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 

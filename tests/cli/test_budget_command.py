@@ -44,7 +44,7 @@ def test_folder_and_json(run: Callable, tmp_path: Path) -> None:
 
 
 def test_damaged_folders_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(planner.InputError, match=r"cannot read .*budget\.json"):
+    with pytest.raises(planner.InputError, match=r"budget\.json"):
         planner.report.load_budgets(tmp_path)
     head = {"format": "planner-budget", "version": 1}
     for data, words in [({}, "is not a budget"), ({**head, "budgets": {"a": {}}}, "is damaged")]:

@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command import main
 
 import planner
-from planner.cli.app import COMMANDS, load_command, main
+from planner.cli.app import COMMANDS, load_command
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")

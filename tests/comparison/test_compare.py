@@ -23,7 +23,6 @@ from planner.comparison.compare import default_methods
 from planner.comparison.differences import markdown_differences, rich_differences
 from planner.comparison.headline import headline
 from planner.comparison.rows import Row
-from planner.plan.measures import effort
 from planner.plan.spec import Spec
 from planner.report import folders
 from planner.report.folders import replay_data
@@ -387,7 +386,7 @@ def test_polynomials_are_refused_with_the_reason_and_collocation_is_solved() -> 
     result = paper_comparison()
     with pytest.raises(KeyError):
         result["nothing"]
-    with pytest.raises(planner.InputError, match="no row 'nothing'"):
+    with pytest.raises(planner.InputError, match="'nothing'"):
         result["nothing"]
     assert result[OPTIMAL].solved
     assert result[OPTIMAL].why == ""
@@ -410,7 +409,7 @@ def test_the_first_command_of_the_polynomial_costs_error_on_the_machine() -> Non
 def test_figures_of_a_row_are_those_of_its_plan() -> None:
     row = paper_comparison()[OPTIMAL]
     assert row.effort == pytest.approx(0.33584, abs=1e-4)
-    assert row.effort == effort(row.plan.trajectory)
+    assert row.effort == row.plan.effort
     assert row.travel == row.plan.travel
     assert row.duration_s == 10.0
     assert row.domain_margin == row.plan.domain.margin
@@ -648,9 +647,7 @@ def test_a_plan_that_feedback_cannot_follow_is_refused_with_the_reason(
     assert np.isnan(closed.effort)
     assert {"effort", "inputs"} <= set(result.figures())
     assert free.plan is not None
-    with pytest.raises(
-        planner.InputError, match=r"u2 asks for \S+ rad/s.*allows 0\.05 rad/s.*retime"
-    ):
+    with pytest.raises(planner.InputError, match=r"u2 .* \S+ rad/s.* 0\.05 rad/s.*retime"):
         planner.replay(free.plan, feedback=True)
 
 

@@ -224,5 +224,5 @@ def test_the_prototypes_friction_goes_on_with_its_last_joint(n: int) -> None:
     speeds = inputs(([0.3], [0.2]), breaks=[0.0, 1.0])
     plan = plan_from(arm_problem([5.0] * 4, end=1.0), speeds, pieces=5)
     machine = planner.Machine.prototype(coulomb_friction_nm=[0.1, 0.2])
-    with pytest.raises(planner.InputError, match="has 2 values, but needs one, or 3"):
+    with pytest.raises(planner.InputError, match=r" 2 \D* 3\b"):
         planner.replay(plan, machine)

@@ -151,11 +151,11 @@ def test_a_pose_is_of_an_arm_that_rests() -> None:
     np.testing.assert_allclose(turned.pose_deg, [-7.0, 20.0], atol=1e-9)
     for rate in (1.5, -10.0):
         moving = theta + np.deg2rad(rate) * np.column_stack([0 * t, t])
-        with pytest.raises(InputError, match=rf"homed.csv: .* theta2 moves at {abs(rate):g} deg/s"):
+        with pytest.raises(InputError, match=rf"homed.csv: .* theta2 .* {abs(rate):g} deg/s"):
             _ = replace(still, theta=moving).pose_deg
     cut = theta.copy()
     cut[-5, 1] = np.deg2rad(18.0)
-    with pytest.raises(InputError, match=r"readings of theta2 differs by 2 deg from their median"):
+    with pytest.raises(InputError, match=r" theta2 .* 2 deg "):
         _ = replace(still, theta=cut).pose_deg
 
 
@@ -163,5 +163,5 @@ def test_a_pose_read_often_is_judged_over_as_long() -> None:
     """Twenty readings at 1 kHz take 20 ms, in which an arm at 3 deg/s moves by 0.06 degrees."""
     t = 0.001 * np.arange(1000)
     moving = Log(t, np.zeros((1000, 2)), np.deg2rad(np.column_stack([0 * t, 3.0 * t])))
-    with pytest.raises(InputError, match=r"in the last 200 readings theta2 moves at 3 deg/s"):
+    with pytest.raises(InputError, match=r" 200 .* theta2 .* 3 deg/s"):
         _ = moving.pose_deg

@@ -128,7 +128,7 @@ def test_both_fidelities_agree_the_better_the_slower() -> None:
 
 def test_gravity_that_friction_cannot_hold_is_refused() -> None:
     plan = plan_from(arm_problem([10, 20, 15], end=1.0), inputs(([0.1], [0.1]), breaks=[0.0, 1.0]))
-    with pytest.raises(InputError, match=r"gravity loads a friction contact with .* N m, and"):
+    with pytest.raises(InputError, match=r" N m.* N m.*incline_deg"):
         replay(plan, Machine.prototype(incline_deg=90.0, link_moment_kgm=2.0))
     moving = Machine.prototype(incline_deg=90.0, link_moment_kgm=2.0, fidelity="dynamic")
     slid = replay(plan, moving.nominal()).terminal_error_deg
@@ -144,5 +144,5 @@ def test_each_machine_is_held_by_its_own_friction() -> None:
         coulomb_friction_nm={"value": 30.0, "spread": 15.0},
     )
     replay(plan, machine.nominal())
-    with pytest.raises(InputError, match="so the arm slides by itself"):
+    with pytest.raises(InputError, match=r"incline_deg.*fidelity"):
         replay(plan, machine, samples=50, record_s=None)

@@ -147,5 +147,5 @@ def test_links_that_are_too_light_for_their_length_are_refused() -> None:
     draws_of(link_inertia_kgm2=0.04, link_moment_kgm=0.2, link_length_m=0.2)
     edge = {"link_moment_kgm": 0.2, "link_length_m": 0.2, "link_inertia_kgm2": 0.04}
     DynamicChain(arm(3), draws_of(**edge), start(3))
-    with pytest.raises(InputError, match="link_inertia_kgm2 is too small"):
+    with pytest.raises(InputError, match="link_inertia_kgm2"):
         DynamicChain(arm(3), draws_of(**{**edge, "link_length_m": 0.21}), start(3))

@@ -104,7 +104,7 @@ def test_a_machine_prints_its_effects_and_hands_out_their_means() -> None:
     assert machine.backlash_deg == 2.0
     assert machine.coulomb_friction_nm == [1, 2, 3]
     assert machine.gear_ratio_error == 0
-    with pytest.raises(AttributeError, match="did you mean 'backlash_deg'"):
+    with pytest.raises(AttributeError, match="'backlash_deg'"):
         _ = machine.baklash_deg
 
 
@@ -162,11 +162,11 @@ def test_bad_tables_give_one_line_that_names_the_key(
 
 
 def test_names_are_checked_in_code_too() -> None:
-    with pytest.raises(InputError, match=r"no effect 'backlash'; did you mean 'backlash_deg'"):
+    with pytest.raises(InputError, match=r"'backlash'.*'backlash_deg'"):
         Machine.prototype().without("backlash")
-    with pytest.raises(InputError, match="no effect 'creeep'"):
+    with pytest.raises(InputError, match="'creeep'"):
         Machine.prototype().only("creeep")
-    with pytest.raises(InputError, match=r"machine: unknown key 'backlash'"):
+    with pytest.raises(InputError, match=r"^machine: .*'backlash'"):
         Machine.prototype(backlash=1)
 
 

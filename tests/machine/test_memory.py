@@ -97,9 +97,9 @@ def test_motions_that_take_too_much_are_refused_with_what_fits(
     smooth_plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     machine = Machine.ideal(step_s=0.01)
-    with pytest.raises(InputError, match=r"motions of 1000000 samples, .* take 25\.3 GB of memory"):
+    with pytest.raises(InputError, match=r" 1000000 .* 25\.3 GB"):
         replay(smooth_plan, machine, samples=1_000_000)
-    with pytest.raises(InputError, match=r"give record_s = 0\.001 or more, or record_s = None"):
+    with pytest.raises(InputError, match=r"record_s = 0\.001 .*record_s = None"):
         replay(smooth_plan, machine, record_s=1e-9)
     monkeypatch.setattr(SIMULATE, "MOST_BYTES", 100_000)
     with pytest.raises(InputError) as caught:

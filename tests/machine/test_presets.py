@@ -10,7 +10,6 @@ import pytest
 import planner
 from planner import Machine, Plan, Replay, replay
 from planner.machine import machine
-from planner.plan.measures import peak_inputs
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +24,7 @@ def test_the_prototype_is_a_machine_file_to_copy() -> None:
 
 def test_the_plan_is_one_that_its_motors_can_follow(smooth_plan: Plan) -> None:
     assert np.rad2deg(smooth_plan.q(10.0)[1:]) == pytest.approx([30, 30, 30], abs=1e-6)
-    assert np.all(peak_inputs(smooth_plan.trajectory) < 0.25)
+    assert np.all(smooth_plan.peak_u < 0.25)
     assert np.max(np.abs(replay(smooth_plan, Machine.ideal()).terminal_error)) < 1e-9
 
 

@@ -58,9 +58,9 @@ def test_what_is_unknown_is_anywhere_in_the_range_and_the_same_for_every_plan() 
 def test_each_joint_may_stand_as_it_likes() -> None:
     ahead = _ahead(_machine(["backward", "forward", "unwound"]))[:, 0]
     assert ahead == pytest.approx([-GEARHEAD / 2, W, 0])
-    with pytest.raises(InputError, match=r"start_state has 2 entries, but needs one word, or 3"):
+    with pytest.raises(InputError, match=r"start_state\D* 2 \D* 3\b"):
         _ahead(_machine(["backward", "forward"]))
-    with pytest.raises(InputError, match=r"machine\.start_state has 2 entries"):
+    with pytest.raises(InputError, match=r"machine\.start_state\D* 2 "):
         arm_problem([10, 10, 10], machine={"start_state": ["forward"] * 2})
     with pytest.raises(InputError, match="start_state"):
         Machine.prototype(start_state="forwards")
@@ -83,7 +83,7 @@ def test_numbers_are_shares_of_each_range_and_may_begin_with_the_gearhead_of_mot
     for wrong in ([1.01, 0, 0], [float("nan"), 0, 0], [True, 0, 0], [0.5]):
         with pytest.raises(InputError, match="start_state"):
             _machine(wrong)
-    with pytest.raises(InputError, match="start_state has 5 entries"):
+    with pytest.raises(InputError, match=r"start_state\D* 5 "):
         arm_problem([10, 10, 10], machine={"start_state": [0.0] * 5})
 
 

@@ -288,14 +288,14 @@ def test_all_that_is_run_fits_in_its_duration(paper: planner.Problem) -> None:
     assert 11.5 < made.duration <= 12
     assert made.compensates is not None
     assert made.compensates.duration < 10
-    with pytest.raises(planner.NoPlanError, match=r"duration_max.*compensation adds") as caught:
+    with pytest.raises(planner.NoPlanError, match=r"goal\.duration_max") as caught:
         planner.solve(asked.changed({"goal.duration": 5, "goal.duration_max": 5}))
     assert caught.value.advice is not None
     least = float(caught.value.advice.split("duration_max = ")[1].split(";")[0])
     assert 6.5 < least < 9
     given = asked.changed({"goal.duration": 5, "goal.duration_max": least})
     assert planner.solve(given).duration <= least  # what is advised does
-    with pytest.raises(planner.InputError, match=r"more than goal\.duration_max"):
+    with pytest.raises(planner.InputError, match=r"goal\.duration_max"):
         paper.changed({"goal.duration_max": 5})
 
 

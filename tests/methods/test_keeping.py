@@ -81,9 +81,7 @@ def test_convex_paths_keep_the_joints_that_move_one_way(paper: planner.Problem) 
         ends = sorted([problem.start[i], problem.goal[i]])
         assert ends[0] - 1e-9 <= np.min(q[:, i])
         assert np.max(q[:, i]) <= ends[1] + 1e-9
-    with pytest.raises(
-        planner.VerificationError, match="1 requirement, which the convex method"
-    ) as refusal:
+    with pytest.raises(planner.VerificationError) as refusal:
         solve_and_check(
             paper.changed({"limits.joint_deg": [31.0, 40.0, 40.0]}), "convex", advice=False
         )
@@ -93,11 +91,11 @@ def test_convex_paths_keep_the_joints_that_move_one_way(paper: planner.Problem) 
 def test_what_is_never_kept_is_refused_before_the_search(paper: planner.Problem) -> None:
     there_and_back = {"start.theta_deg": [20, 20, 20], "goal.theta_deg": [30, 20, 20]}
     problem = paper.changed({**there_and_back, **RATES, "goal.travel": 0.0})
-    says = "the method 'polynomial' does not plan for rate of input u1"
+    says = "'polynomial' .* rate of input u1"
     with pytest.raises(planner.NoPlanError, match=says) as refusal:
         planner.solve(problem, "polynomial")
     assert refusal.value.plan is None
-    assert "use the method 'collocation'" in str(refusal.value.advice)
+    assert "collocation" in {change.method for change in refusal.value.changes}
     refuse_unkept(problem, "sinusoid", planner.METHODS["sinusoid"].keeps)
 
 
@@ -110,5 +108,6 @@ def test_check_says_what_is_not_promised(paper: planner.Problem) -> None:
 
 
 def test_wider_limits_are_no_help_where_an_input_jumps(paper: planner.Problem) -> None:
-    with pytest.raises(planner.NoPlanError, match=r"Try: no limit on the rate of input u2"):
+    with pytest.raises(planner.NoPlanError) as refusal:
         planner.solve(paper.changed(RATES), "piecewise")
+    assert "rate of input u2" in str(refusal.value.advice)

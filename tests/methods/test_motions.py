@@ -178,7 +178,7 @@ def test_the_homing_rule_refuses_other_plans(paper: Problem) -> None:
 def test_plans_start_from_the_poses_that_homing_leaves(paper: Problem) -> None:
     """They may have negative angles: z2 then begins on the other side of zero than it ends."""
     for pose in ([3.0, -8.0, -7.0], [2.5, -0.01, 1.0]):
-        with pytest.warns(InputWarning, match="limits.z2_margin is left out"):
+        with pytest.warns(InputWarning, match="limits.z2_margin"):
             there = paper.from_pose(pose)
         np.testing.assert_allclose(np.rad2deg(there.start[1:]), pose)
         assert solve(there, "collocation").verified

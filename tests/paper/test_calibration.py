@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import main
 
 import planner.paper.calibrate as calibration
 import planner.paper.fit as fitting
 from planner import Machine
-from planner.cli.app import main
 from planner.paper.calibrate import Calibration, calibrate, write
 from planner.paper.fit import (
     BOUNDS,

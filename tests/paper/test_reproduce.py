@@ -21,7 +21,6 @@ from planner.paper.detours import (
 )
 from planner.paper.numbers import turned_ratio
 from planner.paper.reproduce import FILM, PAPER_FIGURES, Reproduction, reproduce
-from planner.plan.measures import effort, peak_inputs
 from planner.report.film import LAST_FRAME_S
 
 
@@ -66,7 +65,7 @@ def test_the_film_shows_the_arm_at_twice_its_speed_and_is_small(made: Reproducti
     with Image.open(path) as film:
         seconds = [film.seek(k) or film.info["duration"] / 1000 for k in range(film.n_frames)]
     assert sum(seconds) == pytest.approx(made.cases.valid.duration / 2 + LAST_FRAME_S, abs=0.1)
-    efforts = [effort(made.cases.best.trajectory), effort(made.cases.valid.trajectory)]
+    efforts = [made.cases.best.effort, made.cases.valid.effort]
     assert made.cases.best.verified
     assert efforts[0] < efforts[1]
 
@@ -162,7 +161,7 @@ def test_points_that_work_work_as_printed() -> None:
         points = [[float(x) for x in pair] for pair in re.findall(r"\((.+?), (.+?)\)", listed)]
         plan = detour(float(travel), points)
         assert plan.verified
-        assert f"{np.max(peak_inputs(plan.trajectory)):.3g}" == peak
+        assert f"{np.max(plan.peak_u):.3g}" == peak
 
 
 def test_21_has_lost_a_sign_and_is_another_power_at_the_last_joint() -> None:

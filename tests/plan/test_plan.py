@@ -99,7 +99,7 @@ def test_joint_angles_have_a_name_of_their_own() -> None:
     plan = planner.solve(planner.load_problem("problems/paper.toml"), "collocation")
     assert np.array_equal(plan.theta([0.0, 3.0]), plan.q([0.0, 3.0])[:, 1:])
     car = planner.solve(planner.load_problem("problems/car.toml"), "polynomial")
-    with pytest.raises(planner.InputError, match=r"a car has no joint angles; plan\.q\(t\) gives"):
+    with pytest.raises(planner.InputError, match=r"plan\.q\(t\)"):
         car.theta(0.0)
 
 
@@ -116,7 +116,7 @@ def test_outside_its_time_a_plan_rests_at_its_ends_and_warns(name: str) -> None:
         ([0.0, T + 1e-6], [first, after]),
         (np.array([[-1e-6, 0.0], [T, 3 * T]]), [[before, first], [last, after]]),
     ):
-        with pytest.warns(RuntimeWarning, match="lies outside the plan, which lasts from 0 to 10"):
+        with pytest.warns(RuntimeWarning, match=r"\b0 to 10\b"):
             np.testing.assert_array_equal(asked(outside), ends)
     within = np.array([0.0, T * (1 + 1e-13), -1e-12, np.nextafter(T, np.inf)])
     np.testing.assert_array_equal(asked(within), asked([0.0, T, 0.0, T]))

@@ -12,7 +12,6 @@ from planner.problem.feasibility import (
     least_duration,
     refuse_too_short,
 )
-from planner.problem.nonholonomy import nonholonomy
 from planner.verification.verify import GOAL_TOLERANCE, LIMIT_TOLERANCE
 
 # -- the least duration ---------------------------------------------------------------------
@@ -45,7 +44,7 @@ def test_no_limit_no_bound(unlimited: planner.Problem) -> None:
 def test_refusal_is_sharp(paper: planner.Problem) -> None:
     bound = least_duration(paper).seconds
     refuse_too_short(paper.changed({"goal.duration": bound * 1.001}))
-    with pytest.raises(planner.InfeasibleError, match=r"no plan of any kind exists: theta3"):
+    with pytest.raises(planner.InfeasibleError, match="theta3"):
         refuse_too_short(paper.changed({"goal.duration": bound * 0.999}))
 
 
@@ -112,7 +111,7 @@ def test_a_given_travel_is_part_of_the_goal(paper: planner.Problem) -> None:
 
 
 def test_regular_start_and_the_drop_at_zero(paper: planner.Problem) -> None:
-    found = nonholonomy(paper)
+    found = planner.check(paper, ["polynomial"]).nonholonomy
     growth = {place.name: place.finding.growth for place in found.places if place.finding}
     regular = (2, 3, 4)
     assert growth == {"start": regular, "goal": regular, "start with theta1 = 0": (2, 2, 3, 4)}
@@ -121,9 +120,11 @@ def test_regular_start_and_the_drop_at_zero(paper: planner.Problem) -> None:
 
 
 def test_the_papers_recursion_is_judged(paper: planner.Problem, unlimited: planner.Problem) -> None:
-    assert "fails at step 1, 2" in nonholonomy(paper).recursion_verdict
+    assert (
+        "fails at step 1, 2" in planner.check(paper, ["polynomial"]).nonholonomy.recursion_verdict
+    )
     straight = unlimited.changed({"start.theta_deg": [0, 10, 10]})
-    verdict = nonholonomy(straight).recursion_verdict
+    verdict = planner.check(straight, ["polynomial"]).nonholonomy.recursion_verdict
     assert "corrected for cos^3 it divides by zero at step 1" in verdict
 
 
@@ -131,7 +132,7 @@ def test_deep_singularities_are_bounded_and_said(unlimited: planner.Problem) -> 
     data = unlimited.to_dict()
     data["system"] = {"kind": "manipulator", "joints": 6, "K": [0.8] * 5, "k_g": 0.7}
     data["start"], data["goal"]["theta_deg"] = {"theta_deg": [0.0] * 6}, [10.0] * 6
-    found = nonholonomy(planner.Problem.from_dict(data)).places[0]
+    found = planner.check(planner.Problem.from_dict(data), ["polynomial"]).nonholonomy.places[0]
     assert found.finding is not None
     assert not found.finding.chow
     assert "not shown up to bracket length 8" in str(found)
@@ -139,7 +140,7 @@ def test_deep_singularities_are_bounded_and_said(unlimited: planner.Problem) -> 
 
 def test_other_systems_have_no_recursion(unlimited: planner.Problem) -> None:
     car = planner.load_problem(str(unlimited.source).replace("paper.toml", "car.toml"))
-    found = nonholonomy(car)
+    found = planner.check(car, ["polynomial"]).nonholonomy
     assert found.recursion is None
     assert found.to_dict()["paper_recursion"] is None
     assert [place.name for place in found.places] == ["start", "goal"]

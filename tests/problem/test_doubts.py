@@ -17,12 +17,12 @@ SMALL = {"start.theta_deg": [0.1, 0.1, 0.1], "limits.z2_margin": None}
 
 @pytest.mark.parametrize("goal", [[0.52, 0.52, 0.52], np.deg2rad([30, -30, 89]), [0, 0, 1.59]])
 def test_radians_by_mistake_are_told(goal: Any) -> None:
-    with pytest.warns(planner.InputWarning, match="below 1.6 degrees; if they are meant in"):
+    with pytest.warns(planner.InputWarning, match=r"1\.6 degrees"):
         changed = PAPER.changed({**SMALL, "goal.theta_deg": goal})
     assert np.rad2deg(changed.goal[1:]) == pytest.approx(np.asarray(goal))  # used as it stands
-    with pytest.warns(planner.InputWarning, match="^problems/paper.toml: all angles of"):
+    with pytest.warns(planner.InputWarning, match="^problems/paper.toml: .*start"):
         planner.load_problem("problems/paper.toml", {**SMALL, "goal.theta_deg": goal})
-    with pytest.warns(planner.InputWarning, match="^manipulator: all angles of start"):
+    with pytest.warns(planner.InputWarning, match="^manipulator: .*start"):
         planner.Problem.manipulator([0, 0, 0], goal)
 
 
@@ -40,7 +40,7 @@ def test_small_angles_on_one_side_or_none_at_all_are_no_mistake(
 
 
 def test_an_obstacle_in_millimetres_is_told() -> None:
-    with pytest.warns(planner.InputWarning, match=r"obstacle 1 at \(2200, 1750\) m has no effect"):
+    with pytest.warns(planner.InputWarning, match=r"obstacle 1 .*\(2200, 1750\) m"):
         PAPER.changed({"obstacles": [{"centre_m": [2200, 1750], "radius_m": 300}]})
 
 
@@ -59,15 +59,13 @@ def test_a_goal_beyond_z2_zero_names_the_way_out() -> None:
     with pytest.raises(planner.InputError) as refusal:
         planner.Problem.from_dict(tables)
     text = str(refusal.value)
-    assert "z2 at the goal is 0.196385, but" in text
-    assert "with the sign at the start (negative);" in text
-    assert text.endswith("leave out limits.z2_margin, so that z2 may change sign, or move the goal")
+    assert re.search(r"z2 .*goal .*0\.196385.*limits\.z2_margin", text)
     del tables["limits"]["z2_margin"]
     assert planner.Problem.from_dict(tables).limits.z2_margin is None
 
 
 def test_a_margin_too_wide_for_an_end_says_which_would_do() -> None:
-    with pytest.raises(planner.InputError, match=r"z2 at the start is -0\.0324, but") as refusal:
+    with pytest.raises(planner.InputError, match=r"z2 .* -0\.0324") as refusal:
         PAPER.changed({"limits.z2_margin": 0.1})
     found = re.search(r"lower limits.z2_margin to ([\d.]+), or leave it out$", str(refusal.value))
     assert found

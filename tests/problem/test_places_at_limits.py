@@ -39,7 +39,7 @@ def test_a_goal_beyond_its_limit_is_refused_with_digits_that_differ(
     paper: planner.Problem,
 ) -> None:
     for goal, said in ((30.001, "30.001"), (30.0000003, "30.0000003")):
-        with pytest.raises(planner.InputError, match=f"= {said} deg lies outside its limit of 30"):
+        with pytest.raises(planner.InputError, match=f"= {said} deg .* 30"):
             paper.changed({"limits.joint_deg": 30.0, "goal.theta_deg": [goal, 30, 30]})
 
 
@@ -49,9 +49,9 @@ def test_a_measured_pose_may_exceed_a_limit_by_noise(paper: planner.Problem) -> 
     assert np.rad2deg(there.start[1:]) == pytest.approx([30.0, 1.0, 1.0], rel=1e-12)
     below = problem.changed({"limits.z2_margin": None}).from_pose([-30.004, 1.0, 1.0])
     assert np.rad2deg(below.start[1]) == pytest.approx(-30.0, rel=1e-12)
-    with pytest.raises(planner.InputError, match=r"30\.2 deg lies outside its limit of 30"):
+    with pytest.raises(planner.InputError, match=r"30\.2 deg .* 30"):
         problem.from_pose([30.2, 1.0, 1.0])
-    with pytest.raises(planner.InputError, match="has 2 angles"):
+    with pytest.raises(planner.InputError, match=r"\b2 angles"):
         problem.from_pose([30.004, 1.0])
 
 
@@ -95,7 +95,7 @@ def test_shapes_of_a_matlab_file_are_looked_at_before_it_is_read(
     read: list[list[str]] = []
     monkeypatch.setattr("scipy.io.loadmat", lambda *_, variable_names, **__: read.append([]))
     for name in fits:
-        with pytest.raises(planner.InputError, match=f"other numbers of values.*{name} 1000000"):
+        with pytest.raises(planner.InputError, match=f"{name} 1000000"):
             load(**{name: other})
     with pytest.raises(planner.InputError, match="coordinates 1000000"):
         load(coordinates=other)

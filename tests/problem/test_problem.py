@@ -20,9 +20,7 @@ def test_changes_are_checked_and_leave_the_original_alone(paper: planner.Problem
     assert changed.travel == 0.8
     np.testing.assert_allclose(np.rad2deg(changed.limits.joint[1:]), [70, 60, 50])
     assert paper.travel is None
-    with pytest.raises(
-        planner.InputError, match=r"unknown key 'goal.travle'.*did you mean 'travel'"
-    ):
+    with pytest.raises(planner.InputError, match=r"'goal\.travle'.*'travel'"):
         paper.changed({"goal.travle": 0.8})
 
 
@@ -97,7 +95,7 @@ def test_stages_that_differ_are_lists_of_the_gear() -> None:
     np.testing.assert_allclose(arm.k_g * arm.K, rates, rtol=1e-14)
     assert arm.k_g == pytest.approx(disk, rel=1e-14)
     assert arm.gear is None
-    with pytest.raises(planner.InputError, match=r"gear\.r1 has 2 values; joints = 4 needs 3"):
+    with pytest.raises(planner.InputError, match=r"gear\.r1 \D*2 \D*joints = 4 \D*3\b"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear | {"r1": [30.0, 25.0]})
     changes = {"system.k_g_rule": "printed"}
     with pytest.raises(planner.InputError, match="needs equal stages"):

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import main
 from compared import outside
 from PIL import Image
 
 import planner
-from planner.cli.app import main
 from planner.report import animate
 from planner.report import film as video
 from planner.support.package import how_to_install
@@ -117,7 +117,7 @@ def test_an_ffmpeg_that_fails_is_quoted(
     broken.write_text("#!/bin/sh\necho no such codec >&2\nexit 1\n")
     broken.chmod(0o755)
     monkeypatch.setattr(shutil, "which", lambda _: str(broken))
-    with pytest.raises(planner.InputError, match=r"ffmpeg .* failed: no such codec"):
+    with pytest.raises(planner.InputError, match=r"ffmpeg .*: no such codec"):
         animate(plan, tmp_path / "x.mp4", fps=5, speed=5.0)
     assert [p.name for p in tmp_path.iterdir()] == ["ffmpeg"]
 

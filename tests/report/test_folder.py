@@ -11,7 +11,7 @@ from compared import quick_comparison
 
 import planner
 from planner.report import folders as report_folder
-from planner.report.page.page import write_report
+from planner.report import write_report
 from planner.report.panels import PLAN_FIGURES
 
 DRAWN = (*PLAN_FIGURES, "arm", *report_folder.REPLAY_FIGURES)

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command import main
 from compared import quick_comparison
 
 import planner
-from planner.cli.app import main
 from planner.report import folders as report_folder
 from planner.report import load_comparison, write_report
 from planner.report.charts.scripts import stylesheet
@@ -140,7 +140,7 @@ def test_folders_that_are_none(copied: Path, tmp_path: Path) -> None:
     with pytest.raises(planner.InputError, match=r"is not the folder of a comparison.*No such"):
         write_report(tmp_path / "none")
     (copied / "plans/polynomial.json").unlink()
-    with pytest.raises(planner.InputError, match=r"cannot read .*polynomial\.json"):
+    with pytest.raises(planner.InputError, match=r"polynomial\.json"):
         write_report(copied)
     path = copied / "comparison.json"
     data = json.loads(path.read_text())

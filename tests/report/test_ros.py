@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import planner
-from planner.report.export import joint_trajectory
 
 ROOT = Path(__file__).parents[2]
 
@@ -23,7 +23,9 @@ def rest() -> planner.Plan:
     return planner.solve(planner.load_problem(ROOT / "problems/paper.toml", changes))
 
 
-def test_the_arm_in_urdf_stands_where_the_plan_says(rest: planner.Plan, tmp_path: Path) -> None:
+def test_the_arm_in_urdf_stands_where_the_plan_says(
+    rest: planner.Plan, tmp_path: Path, sent: Callable
+) -> None:
     yourdfpy = pytest.importorskip("yourdfpy", reason="needs the extra 'dev'")
     path = planner.export(rest, tmp_path / "arm.urdf")
     arm = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)
@@ -32,7 +34,7 @@ def test_the_arm_in_urdf_stands_where_the_plan_says(rest: planner.Plan, tmp_path
     limits = [(joint.limit.lower, joint.limit.upper) for joint in arm.actuated_joints]
     np.testing.assert_allclose(np.rad2deg(limits), [[-80, 80], [-70, 70], [-60, 60]])
     speeds = [joint.limit.velocity for joint in arm.actuated_joints]
-    message = joint_trajectory(rest, 100, ["theta1", "theta2", "theta3"])
+    message = sent(rest, 100, ["theta1", "theta2", "theta3"])
     moving = np.abs([point["velocities"] for point in message["points"]]).max(axis=0)
     assert np.all(moving < speeds)
     straight = 0.668811 * np.array([0.870125, 0.711625])  # per rad/s of the drive, at the pose 0
@@ -45,9 +47,11 @@ def test_the_arm_in_urdf_stands_where_the_plan_says(rest: planner.Plan, tmp_path
             np.testing.assert_allclose(arm.get_transform(name, "base")[:2, 3], place, atol=1e-9)
 
 
-def test_the_joints_motion_belongs_together_and_is_a_message(rest: planner.Plan) -> None:
+def test_the_joints_motion_belongs_together_and_is_a_message(
+    rest: planner.Plan, sent: Callable
+) -> None:
     typesys = pytest.importorskip("rosbags.typesys", reason="needs the extra 'ros'")
-    message = joint_trajectory(rest, 100, ["theta1", "theta2", "theta3"])
+    message = sent(rest, 100, ["theta1", "theta2", "theta3"])
     t = np.array([1e-9 * p["time_from_start"]["nanosec"] + p["time_from_start"]["sec"]
                   for p in message["points"]])  # fmt: skip
     q, v, a = (np.array([p[key] for p in message["points"]])

@@ -132,7 +132,7 @@ def test_along_starts_at_identity_and_ends_at_terminal(plan: planner.Plan) -> No
 
 
 def test_unknown_names_are_listed(plan: planner.Plan) -> None:
-    with pytest.raises(planner.InputError, match=r"unknown name 'gain u3'; known: gain u1"):
+    with pytest.raises(planner.InputError, match=r"'gain u3'.*gain u1"):
         sensitivity(plan).entry("theta1", "gain u3")
 
 

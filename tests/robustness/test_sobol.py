@@ -63,7 +63,7 @@ def test_the_easy_cases() -> None:
 
 @pytest.mark.parametrize("base", [0, 1, 3, 100])
 def test_the_base_is_a_power_of_two(base: int) -> None:
-    with pytest.raises(InputError, match=f"base = {base}: must be a power of 2"):
+    with pytest.raises(InputError, match=f"base = {base}: .* 2"):
         indices({"a": 1}, lambda p: p["a"][0], base, 0)
 
 

@@ -11,7 +11,6 @@ import pytest
 
 import planner
 from planner import TradeOff, trade_off
-from planner.plan.measures import effort, peak_inputs
 from planner.report.figures.robustness import knee_sentence, reversals
 from planner.robustness.trade_off import knee
 from planner.robustness.trade_off_points import compensated_errors
@@ -51,7 +50,7 @@ def test_effort_curve(curve: TradeOff) -> None:
     for point in curve.points:
         assert point.plan.verified
         assert planner.verify(point.plan).ok
-        assert effort(point.plan.trajectory) <= point.limit * (1 + 1e-6)
+        assert point.plan.effort <= point.limit * (1 + 1e-6)
         assert planner.sensitivity(point.plan).passive_block_deg() == pytest.approx(
             point.passive_deg
         )
@@ -129,14 +128,14 @@ def test_other_axes(two_joints: planner.Problem, kind: Any) -> None:
         if kind == "duration":
             assert point.plan.duration == pytest.approx(point.limit)
         else:
-            assert np.all(peak_inputs(point.plan.trajectory) <= 0.5 * point.limit * (1 + 1e-6))
+            assert np.all(point.plan.peak_u <= 0.5 * point.limit * (1 + 1e-6))
 
 
 @pytest.mark.usefixtures("uncompensated")
 def test_peaks_of_a_car_are_limited_each_by_its_own_key() -> None:
     car = planner.load_problem(Path(__file__).parents[2] / "problems" / "car.toml")
     (point, *_) = trade_off(car, "peak", 3, **SETTINGS).points  # type: ignore[arg-type]
-    peaks = peak_inputs(point.plan.trajectory)
+    peaks = point.plan.peak_u
     assert np.all(peaks <= np.array([5.0, 0.5]) * point.limit * (1 + 1e-6))
     assert np.any(peaks > 0.9 * np.array([5.0, 0.5]) * point.limit)
 
@@ -192,13 +191,13 @@ def test_a_title_tells_what_the_knee_gains(curve: TradeOff) -> None:
 
 
 def test_bad_arguments(two_joints: planner.Problem, paper: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match="must be one of effort, duration, peak"):
+    with pytest.raises(planner.InputError, match="effort, duration, peak"):
         trade_off(two_joints, "money")  # type: ignore[arg-type]
-    with pytest.raises(planner.InputError, match="points = 2: must be"):
+    with pytest.raises(planner.InputError, match="points = 2: "):
         trade_off(two_joints, points=2)
     with pytest.raises(planner.InputError, match="needs limits on both inputs"):
         trade_off(paper.changed({"limits": {}}), "duration")
-    with pytest.raises(planner.InputError, match=r"needs goal\.duration in seconds"):
+    with pytest.raises(planner.InputError, match=r"goal\.duration"):
         trade_off(paper.changed({"goal.duration": "free"}), "effort")
 
 

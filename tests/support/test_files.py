@@ -47,7 +47,7 @@ def test_a_pipe_is_written_to_not_replaced(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
 def test_a_full_device_is_named_and_left_alone() -> None:
-    with pytest.raises(InputError, match=r"cannot write /dev/full: No space left"):
+    with pytest.raises(InputError, match="/dev/full: No space left"):
         write_text("/dev/full", "x")
     assert Path("/dev/full").is_char_device()
 
@@ -56,7 +56,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mon
     target = tmp_path / "a.json"
     target.write_text("old", encoding="utf-8")
     monkeypatch.setattr(os, "replace", full_disk)
-    with pytest.raises(InputError, match=r"cannot write .*a\.json: No space left on device"):
+    with pytest.raises(InputError, match=r"a\.json: No space left"):
         write_text(target, "new")
     assert target.read_text(encoding="utf-8") == "old"
     assert listing(tmp_path) == {"a.json"}

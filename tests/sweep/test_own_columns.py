@@ -11,8 +11,9 @@ import pytest
 from databases import query
 
 import planner
+from planner import Replay
 from planner.comparison import rows
-from planner.machine.replay import ERRORS, STATISTICS, MotionError, Replay, Statistic
+from planner.machine.replay import ERRORS, STATISTICS, MotionError, Statistic
 from planner.sweep.case import RESULTS
 from planner.verification.summary import Heading, figure
 

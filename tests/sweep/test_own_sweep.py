@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command import main
 from databases import query
 
 import planner
 from planner import run_sweep
-from planner.cli.app import main
 from planner.sweep.results import read
 
 Tables = dict[str, Any]

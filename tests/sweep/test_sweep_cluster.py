@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command import main
 from databases import finished, query, until
 
 import planner
-from planner.cli.app import main
 from planner.support.package import how_to_install
 from planner.sweep.cluster import ClusterPool
 
@@ -257,7 +257,7 @@ def test_a_cluster_that_is_not_there_is_told(
     pytest.importorskip("distributed", reason="Dask is not installed: pip install '.[cluster]'")
     monkeypatch.setattr("planner.sweep.cluster.CONNECTION_WAIT_S", 0.2)
     for address in ("tcp://127.0.0.1:9", "tcp://no-such-host.invalid:8786"):
-        with pytest.raises(planner.InputError, match=f"no Dask scheduler answers at {address}"):
+        with pytest.raises(planner.InputError, match=address):
             planner.run_sweep(tables, tmp_path / "x.sqlite", cluster=address)
 
 

@@ -59,7 +59,7 @@ def test_a_database_of_something_else_is_refused_and_left_alone(
 def test_what_is_no_database_is_refused_and_left_alone(tables: Tables, tmp_path: Path) -> None:
     text = tmp_path / "text.sqlite"
     text.write_text("this is not a database, and long enough to be seen as none" * 20)
-    with pytest.raises(planner.InputError, match=r"cannot use the database .*text\.sqlite"):
+    with pytest.raises(planner.InputError, match=r"text\.sqlite"):
         planner.run_sweep(tables, text, workers=0)
     assert text.read_text().startswith("this is not")
     with pytest.raises(planner.InputError, match="it is a folder"):

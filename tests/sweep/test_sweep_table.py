@@ -62,7 +62,7 @@ def test_parquet_comes_back_as_it_went(db: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["out.txt", "out", "csv"])
 def test_other_formats_are_refused(db: Path, tmp_path: Path, name: str) -> None:
-    with pytest.raises(planner.InputError, match=r"must end in \.csv or \.parquet"):
+    with pytest.raises(planner.InputError, match=r"\.csv or \.parquet"):
         export(db, tmp_path / name)
     assert not (tmp_path / name).exists()
 
@@ -83,7 +83,7 @@ def test_missing_libraries_are_named_with_their_extra(
 def test_missing_sweeps_are_named(db: Path, tmp_path: Path) -> None:
     with pytest.raises(planner.InputError, match="no such file"):
         export(tmp_path / "none.sqlite", tmp_path / "out.csv")
-    with pytest.raises(planner.InputError, match="holds no sweep 2; there are: 1"):
+    with pytest.raises(planner.InputError, match=r"sweep 2\b.*: 1\b"):
         export(db, tmp_path / "out.csv", which=2)
     query(db, "DELETE FROM sweeps")
     with pytest.raises(planner.InputError, match="holds no sweep yet"):

@@ -113,7 +113,7 @@ def test_a_class_of_four_members_is_planned_for_and_replayed(
 
 
 def test_a_name_that_is_none_is_refused(skate: planner.Problem) -> None:
-    with pytest.raises(planner.InputError, match=r"start\.q has no coordinate 'z'"):
+    with pytest.raises(planner.InputError, match=r"start\.q .*'z'"):
         skate.changed({"start.q.z": 1.0})
 
 

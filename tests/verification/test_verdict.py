@@ -66,6 +66,10 @@ def test_a_bump_is_found_however_narrow_and_proven_to_be_missed(
     assert claim.guaranteed == pytest.approx(0.5 - np.exp(-0.81), abs=max(1e-6, 1e-5 / width))
 
 
+def broken(error: planner.NoPlanError) -> set[str]:
+    return {violation.label for violation in error.violations}
+
+
 @pytest.mark.usefixtures("bumps")
 def test_whoever_returns_a_verified_plan_asks_the_certificate(
     optimal: planner.Plan, law: planner.Plan, tmp_path: Path
@@ -75,10 +79,10 @@ def test_whoever_returns_a_verified_plan_asks_the_certificate(
         bump = [float(made.q(0.4321 * made.duration)[1]), 1e-5]
         narrow = replace(made, problem=made.problem.changed({"limits.bump": bump}))
         assert planner.verify(narrow).ok
-        with pytest.raises(planner.VerificationError, match="bump reaches 1"):
-            planner.retime(narrow)
-        with pytest.raises(planner.VerificationError, match="bump reaches 1"):
-            planner.compensate(replace(narrow, verified=False))
+        for make in (planner.retime, planner.compensate):
+            with pytest.raises(planner.VerificationError) as info:
+                make(replace(narrow, verified=False))
+            assert "bump" in broken(info.value)
         back = planner.load_plan(narrow.save(tmp_path / "narrow.json"))
         assert (back.verified, back.certificate) == (False, None)
         assert "bump reaches 1" in back.why
@@ -86,8 +90,9 @@ def test_whoever_returns_a_verified_plan_asks_the_certificate(
         data["certificate"] = None  # as if it had not been examined
         (tmp_path / "bare.json").write_text(json.dumps(data))
         assert "bump reaches 1" in planner.load_plan(tmp_path / "bare.json").why
-    with pytest.raises(planner.VerificationError, match="bump reaches 1") as info:
+    with pytest.raises(planner.VerificationError) as info:
         planner.solve(narrow.problem, "polynomial")
+    assert "bump" in broken(info.value)
     assert info.value.plan.verified is False
 
 

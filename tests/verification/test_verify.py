@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from by_hand import by_hand
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 from scipy.special import comb
 
 import planner
-from planner.plan.trajectory import StateTrajectory
 
 
 def _constant(problem: planner.Problem, u: tuple[float, float], duration: float) -> planner.Plan:
@@ -26,7 +26,7 @@ def _constant(problem: planner.Problem, u: tuple[float, float], duration: float)
     ).y.T
     curve = _interpolate(nodes, motion)
     inputs = BPoly(np.array([[u]], dtype=float), [0.0, duration])
-    return planner.Plan(problem, "by hand", {}, StateTrajectory(system, curve, inputs))
+    return by_hand(problem, curve, inputs)
 
 
 def _interpolate(nodes: np.ndarray, values: np.ndarray) -> BPoly:
@@ -100,12 +100,11 @@ def test_missed_goal(good: planner.Plan) -> None:
 def test_limit_broken_only_between_the_ends(paper: planner.Problem) -> None:
     """θ₁ rises past 10° and comes back: both ends lie inside the limit."""
     problem = paper.changed({"limits": {}, "goal.duration": 4.0})
-    system = problem.system
     u = BPoly(np.array([[[0.0, 0.1], [0.0, -0.1]]]), [0.0, 2.0, 4.0])
     q0 = problem.start
     peak = q0 + np.array([0, 0.2, 0, 0])
     q = BPoly(np.array([[q0, peak], [peak, q0]]), [0.0, 2.0, 4.0])
-    plan = planner.Plan(problem, "by hand", {}, StateTrajectory(system, q, u))
+    plan = by_hand(problem, q, u)
     limited = {"limits": {"joint_deg": 10.0}, "goal.theta_deg": [1.0, 1.0, 1.0]}
     check = _with(plan, limited)
     assert [v.label for v in check.violations] == ["joint theta1"]
@@ -122,7 +121,7 @@ def test_rate_limit_sees_slopes_and_jumps(
     breaks = [0.0, 5.0, 10.0]
     u = BPoly(np.array([[[0.0, 0.06], [after, 0.06]], [[0.2, 0.06], [after, 0.06]]]), breaks)
     q = BPoly(np.broadcast_to(problem.start, (2, 2, 4)).copy(), breaks)
-    plan = planner.Plan(problem, "by hand", {}, StateTrajectory(problem.system, q, u))
+    plan = by_hand(problem, q, u)
     rates = {
         v.label: v.value for v in planner.verify(plan).violations if v.label.startswith("rate")
     }

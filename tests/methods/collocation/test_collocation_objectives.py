@@ -102,7 +102,7 @@ def test_a_mix_lies_between(paper: planner.Problem, plans: dict[str, planner.Pla
 
 @pytest.mark.parametrize("kind", ["smooth", "edge"])
 def test_what_is_better_the_slower_needs_a_duration(paper: planner.Problem, kind: str) -> None:
-    with pytest.raises(planner.InputError, match=f"objective '{kind}'.*give goal.duration"):
+    with pytest.raises(planner.InputError, match=f"'{kind}'.*goal.duration"):
         planner.solve(paper.changed({"goal.duration": "free"}), "collocation", objective=kind)
 
 
@@ -139,5 +139,5 @@ def test_every_objective_consists_of_terms_that_are_minimised_and_measured(
 def test_a_term_that_collocation_cannot_minimise_is_refused() -> None:
     """Without its integral in the programme it would be left out in silence."""
     assert Objective("own", {"of the method": 1.0}).weights.tolist() == [0.0] * INTEGRALS
-    with pytest.raises(ValueError, match="no integral for the term 'chart peak'"):
+    with pytest.raises(ValueError, match="'chart peak'"):
         _ = Objective("new", {"effort": 1.0, "chart peak": 1.0}).weights

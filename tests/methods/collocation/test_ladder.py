@@ -107,8 +107,9 @@ def test_the_fastest_of_a_kept_path_is_told_where_the_duration_is_too_short(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(ladder, "MOST_SOLVED_INTERVALS", 10)
-    with pytest.raises(NotConvergedError, match="fastest motion found takes"):
+    with pytest.raises(NotConvergedError) as caught:
         planner.solve(PROBLEM.changed({"goal.duration": 8.0}), "collocation")
+    assert caught.value.changes[0].keys["goal.duration"] > 8.0
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import planner
-from planner.problem.reach import goal_reach
 from planner.problem.requirements.self_collision import SelfCollision
 from planner.solve import solve_and_check
 
@@ -81,8 +80,8 @@ def test_links_that_touch_on_the_machine_are_told(plan: planner.Plan) -> None:
 
 
 def test_goals_that_would_cross_are_not_expected(problem: planner.Problem) -> None:
-    reach = goal_reach(problem)
-    free = goal_reach(problem.changed({"limits.self_clearance_m": None}))
+    reach = planner.check(problem, ["polynomial"]).reach
+    free = planner.check(problem.changed({"limits.self_clearance_m": None}), ["polynomial"]).reach
     assert reach is not None
     assert free is not None
     assert reach.blocked == len(free.branches) - len(reach.branches) == 1

@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
-from planner.plan.measures import peak_inputs, peak_rates
+from planner.plan.measures import peak_rates
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.solve import solve_and_check
 
@@ -70,9 +70,9 @@ def test_input_limits_are_kept_by_the_clock(
     smooth_wide: planner.Plan, smooth_limited: planner.Plan
 ) -> None:
     """With v₁ constant they are broken ten times over; the same path is run so that they hold."""
-    assert peak_inputs(smooth_wide.trajectory)[1] > 5.0
+    assert smooth_wide.peak_u[1] > 5.0
     assert smooth_limited.verified
-    assert np.all(peak_inputs(smooth_limited.trajectory) <= 0.5)
+    assert np.all(smooth_limited.peak_u <= 0.5)
     assert smooth_limited.duration == pytest.approx(10.0, rel=1e-12)
     assert optimality(smooth_limited) == optimality(smooth_wide)
     # The same curve: z₂ … z₄ at equal z₁.
@@ -96,10 +96,12 @@ def test_a_joint_limit_that_is_not_convex_is_left_to_the_verification(
 ) -> None:
     """θ₁ of three joints plays no part: a path that breaks its limit is refused."""
     narrow = {"goal.travel": 0.81, "limits": {"z2_margin": 0.01, "joint_deg": [36.0, 80.0, 80.0]}}
-    with pytest.raises(planner.VerificationError, match="joint theta1 reaches 39") as caught:
+    with pytest.raises(planner.VerificationError) as caught:
         planner.solve(wide.changed(narrow), "convex", pieces=PIECES)
-    assert caught.value.advice is not None
-    assert "'collocation'" in caught.value.advice
+    (broken,) = caught.value.violations
+    assert (broken.label, broken.part.key) == ("joint theta1", "limits.joint_deg")
+    assert 39 < np.rad2deg(broken.value) < 40
+    assert "collocation" in {change.method for change in caught.value.changes}
     narrow["limits"]["joint_deg"][0] = 42.0  # type: ignore[index]
     plan = planner.solve(wide.changed(narrow), "convex", pieces=PIECES)
     assert optimality(plan)["kind"] == "global"
@@ -122,12 +124,12 @@ def test_free_duration_is_the_least_of_the_path(paper: planner.Problem) -> None:
     assert optimality(plan)["kind"] == "global"
     u = np.abs(plan.u(np.linspace(0, plan.duration, 2001)[:-1]))
     np.testing.assert_allclose(u.max(axis=1), 0.5, rtol=2e-4)  # one of them is at its limit
-    assert np.all(peak_inputs(plan.trajectory) <= 0.5)
+    assert np.all(plan.peak_u <= 0.5)
     assert plan.duration < 3.5
     certificate = planner.certify(plan)
     assert certificate.ok, str(certificate)
     even = paper.changed({"goal.travel": 0.83, "limits": {"z2_margin": 0.01}})
-    slowest = np.max(peak_inputs(plan_only(even).trajectory)) / 0.5 * 10.0
+    slowest = np.max(plan_only(even).peak_u) / 0.5 * 10.0
     assert slowest > 20 * plan.duration
 
 
@@ -242,8 +244,7 @@ def test_four_joints_at_the_edge_of_the_domain(seed: int) -> None:
     """The optimum without the domain leaves it, and that domain is not convex."""
     with pytest.raises(planner.NotConvergedError, match="is not convex") as caught:
         planner.solve(four_joints(seed, bumps=True), "convex", pieces=30)
-    assert caught.value.advice is not None
-    assert "'collocation'" in caught.value.advice
+    assert "collocation" in {change.method for change in caught.value.changes}
 
 
 @pytest.mark.parametrize("name", ["car", "unicycle", "trailers", "ball-gear"])
@@ -259,12 +260,12 @@ def test_other_systems(name: str) -> None:
 
 
 def test_travel_outside_the_window(wide: planner.Problem) -> None:
-    with pytest.raises(planner.InfeasibleError, match=r"between 0\.78635\d* and 0\.8966"):
+    with pytest.raises(planner.InfeasibleError, match=r"0\.78635\d* and 0\.8966"):
         planner.solve(wide.changed({"goal.travel": 0.78}), "convex")
 
 
 def test_empty_class_has_a_certificate_and_a_way_out(wide: planner.Problem) -> None:
-    with pytest.raises(planner.InfeasibleError, match=r"certificate of \d+ conditions") as caught:
+    with pytest.raises(planner.InfeasibleError) as caught:
         planner.solve(wide.changed({"goal.travel": 0.787}), "convex", pieces=PIECES)
     proof = caught.value.certificate
     assert proof is not None
@@ -273,8 +274,11 @@ def test_empty_class_has_a_certificate_and_a_way_out(wide: planner.Problem) -> N
     assert proof["b"] @ proof["multipliers"] + proof["radius"] * np.linalg.norm(combined) < 0
     assert "motions without reversal have travels" in str(caught.value)
     # The travel it advises has a plan.
-    assert caught.value.advice is not None
-    travel = float(caught.value.advice.split("goal.travel = ")[1].split()[0])
+    travel = next(
+        change.keys["goal.travel"]
+        for change in caught.value.changes
+        if "goal.travel" in change.keys
+    )
     assert optimality(plan_only(wide.changed({"goal.travel": travel})))["kind"] == "global"
 
 
@@ -325,8 +329,7 @@ def test_zero_travel_and_crossings_are_sent_elsewhere(wide: planner.Problem) -> 
     ):
         with pytest.raises(error, match=words) as caught:
             planner.solve(wide.changed(changes), "convex")
-        assert caught.value.advice is not None
-        assert "the method 'collocation'" in caught.value.advice
+        assert "collocation" in {change.method for change in caught.value.changes}
 
 
 def test_unreachable_four_joints_is_not_called_impossible() -> None:

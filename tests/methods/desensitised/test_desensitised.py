@@ -11,7 +11,7 @@ import planner
 from planner.methods.collocation.long_arms.exact_motion import has_only_limits
 from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.desensitised.method import desensitised_task
-from planner.plan.measures import effort, turns
+from planner.plan.measures import turns
 from planner.support.deadline import time_up
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -74,9 +74,9 @@ def test_nonlinear_monte_carlo_agrees(reversing: planner.Plan, paper: planner.Pr
 
 
 def test_the_effort_limit_bites(paper: planner.Problem, reversing: planner.Plan) -> None:
-    assert effort(reversing.trajectory) > 1.0
+    assert reversing.effort > 1.0
     plan = planner.solve(paper, "desensitised", starts=1, intervals=20, effort_limit=0.6)
-    assert effort(plan.trajectory) == pytest.approx(0.6, abs=1e-6)
+    assert plan.effort == pytest.approx(0.6, abs=1e-6)
 
 
 def test_under_an_effort_limit_joint_1_may_take_the_other_side(example: planner.Problem) -> None:

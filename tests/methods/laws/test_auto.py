@@ -226,8 +226,7 @@ def test_a_place_without_drive_is_named(method: str, drive: str, place: str) -> 
     problem = planner.load_problem(file).changed({"system.drive": drive})
     with pytest.raises(planner.SingularError, match=f"drive is zero .*{place}.*speed") as refusal:
         planner.solve(problem, method)
-    assert refusal.value.advice is not None
-    assert refusal.value.advice.startswith("use the method 'collocation'")
+    assert "collocation" in {change.method for change in refusal.value.changes}
     problem = problem.changed({"system.drive": "(x - 0.7)**2"})  # zero between the samples
     with pytest.raises(planner.NoPlanError) as refusal:
         planner.solve(problem, method)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 import planner
 from planner.methods.laws.legs import Leg, Point, steer
-from planner.plan.measures import peak_inputs
 
 Array = np.ndarray
 boundary = st.lists(st.floats(-1, 1), min_size=8, max_size=8).map(np.array)
@@ -130,11 +129,11 @@ def test_two_legs_choose_their_offset_by_the_peak(method: str) -> None:
 
     def peak(offset: float | str) -> float:
         plan = law.plan(problem, law.options(offset=offset))
-        return float(np.max(peak_inputs(plan.trajectory)))
+        return float(np.max(plan.peak_u))
 
     chosen = planner.solve(problem, method)
     assert chosen.verified
-    best = float(np.max(peak_inputs(chosen.trajectory)))
+    best = float(np.max(chosen.peak_u))
     assert chosen.options["offset"] == "auto"
     assert chosen.z(5.0)[0] - chosen.z(0.0)[0] == pytest.approx(chosen.notes["offset"])
     assert best < 0.06 * peak("mean")

@@ -72,9 +72,9 @@ def test_columns_of_another_program_are_named_by_a_map(tmp_path: Path) -> None:
     log = read_log(path, dict(zip(ours, theirs, strict=True)))
     np.testing.assert_allclose(log.t, T, atol=1e-6)
     np.testing.assert_allclose(log.theta, THETA, atol=1e-9)
-    with pytest.raises(InputError, match=r"no column 'pos\[3\]' \(for theta1_rad\)"):
+    with pytest.raises(InputError, match=r"'pos\[3\]' .*theta1_rad"):
         read_log(path, {"theta1_rad": "pos[3]"})
-    with pytest.raises(InputError, match="'angle' is not a quantity with a unit"):
+    with pytest.raises(InputError, match="'angle'"):
         read_log(path, {**dict(zip(ours, theirs, strict=True)), "angle": "temperature"})
 
 
@@ -107,7 +107,7 @@ def test_names_and_units_are_spelled_in_many_ways(tmp_path: Path, header: str) -
 
 def test_a_unit_below_the_header_may_not_be_another(tmp_path: Path) -> None:
     header = "t_s,u1_rad_s,u2_rad_s,theta1_deg,theta2,theta3\ns,rad/s,rad/s,rad,rad,rad"
-    with pytest.raises(InputError, match="'theta1_deg' has the unit 'deg', but 'rad' in the line"):
+    with pytest.raises(InputError, match=r"'theta1_deg' .*'deg'.*'rad'"):
         read_log(write(tmp_path / "a.csv", header, T, *U.T, *THETA.T))
 
 
@@ -125,7 +125,7 @@ def test_a_blank_command_holds_the_one_above_and_a_blank_angle_is_refused(tmp_pa
     np.testing.assert_allclose(read_log(path).u, U, atol=1e-9)
     rows[1][2] = ""
     path.write_text("\n".join(map(",".join, rows)) + "\n", "utf-8")
-    with pytest.raises(InputError, match="line 2: column 'u2_rad_s' is empty"):
+    with pytest.raises(InputError, match=r"line 2: .*'u2_rad_s'"):
         read_log(path)
 
 
@@ -134,7 +134,7 @@ def test_the_last_row_of_a_log_that_was_cut_is_left_out(tmp_path: Path) -> None:
     whole = write(tmp_path / "a.csv", HEADER, T, *U.T, *THETA.T).read_text("utf-8")
     for cut in (1, 2, 5, 9):
         (tmp_path / "b.csv").write_text(whole[:-cut], "utf-8")
-        with pytest.warns(InputWarning, match="line 102 has no line end"):
+        with pytest.warns(InputWarning, match="line 102 "):
             log = read_log(tmp_path / "b.csv")
         np.testing.assert_allclose(log.theta, THETA[:-1], atol=1e-9)
 
@@ -211,7 +211,7 @@ def test_steps_of_an_encoder_are_named_by_line(swung: Log, tmp_path: Path, joint
         for row in rows:
             theta[row:, joint] -= np.deg2rad(deg)
         path = replace(swung, theta=theta).save(tmp_path / "a.csv")
-        with pytest.raises(InputError, match=rf"line {rows[0] + 2}: theta{joint + 1} jumps from"):
+        with pytest.raises(InputError, match=rf"line {rows[0] + 2}: theta{joint + 1} "):
             read_log(path)
 
 
@@ -220,7 +220,7 @@ def test_a_reading_that_drops_to_zero_is_named(swung: Log, tmp_path: Path, rows:
     theta = swung.theta.copy()
     theta[rows, 1] = 0.0
     path = replace(swung, theta=theta).save(tmp_path / "a.csv")
-    with pytest.raises(InputError, match=rf"line {rows.start + 2}: theta2 .* drops to zero"):
+    with pytest.raises(InputError, match=rf"line {rows.start + 2}: theta2 "):
         read_log(path)
 
 
@@ -242,7 +242,7 @@ def test_an_empty_cell_and_an_empty_file_are_refused(tmp_path: Path) -> None:
     lines = path.read_text("utf-8").splitlines()
     lines[9] = lines[9].rsplit(",", 1)[0] + ","
     path.write_text("\n".join(lines) + "\n", "utf-8")
-    with pytest.raises(InputError, match="line 10: column 'theta3_rad' is empty"):
+    with pytest.raises(InputError, match=r"line 10: .*'theta3_rad'"):
         read_log(path)
     path.write_text("", "utf-8")
     with pytest.raises(InputError, match=r"a\.csv is empty"):
@@ -256,7 +256,7 @@ def test_a_quotation_mark_without_an_end_is_refused(tmp_path: Path, place: int) 
     lines = path.read_text().splitlines()
     lines[place] += ',"' + "x" * 200_000 + '"'
     path.write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(InputError, match=r"a\.csv has a quoted cell .*131072"):
+    with pytest.raises(InputError, match=r"a\.csv .*131072"):
         read_log(path)
 
 
@@ -285,7 +285,7 @@ def test_a_part_begins_at_zero() -> None:
     assert part.t[0] == 0
     assert part.t[-1] == pytest.approx(0.6)
     np.testing.assert_array_equal(part.theta, THETA[25:86])
-    with pytest.raises(InputError, match="a log needs at least 50"):
+    with pytest.raises(InputError, match=r"\b50\b"):
         LOG.part(0.8)
 
 
@@ -302,5 +302,5 @@ def test_commands_of_a_log_move_the_machine_as_the_plan_did(paper: Problem) -> N
     again = replay(log.plan(paper), machine, settle_s=0.0)
     np.testing.assert_allclose(again.q[0, -1, 1:], planned.q[0, -1, 1:], atol=1e-6)
     assert again.index_E_deg[0] < 0.03  # between readings the log goes straight
-    with pytest.raises(InputError, match=r"has 3 joints .* has 2"):
+    with pytest.raises(InputError, match=r" 3 joints .* 2\b"):
         log.plan(Problem.manipulator([5, 5], [20, 20]))

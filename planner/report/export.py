@@ -78,7 +78,7 @@ class Format:
     endings: tuple[str, ...]
     content: Callable[[Plan, ExportOptions], str | bytes | Mapping[str, str]]
     reader: str = ""
-    options: tuple[str, ...] = ("rate_hz",)
+    options: tuple[str, ...] = ("rate_hz", "slow")
     is_command: bool = True
     sample_and_hold: bool = False
     command_columns: Callable[[Plan], Sequence[str]] = lambda _: ()
@@ -90,7 +90,6 @@ FORMATS: dict[str, Format] = {
         (".csv",),
         lambda plan, options: _csv(sample(slowed(plan, options.slow), options.rate_hz)),
         "planner.load_samples",
-        options=("rate_hz", "slow"),
         sample_and_hold=True,
         command_columns=commands,
     ),
@@ -106,14 +105,14 @@ FORMATS: dict[str, Format] = {
         "trajectory_msgs/JointTrajectory as YAML, the two motors; needs rest at both ends",
         (".yaml", ".yml"),
         lambda plan, options: yaml_text(
-            joint_trajectory(plan, options.rate_hz, options.joint_names)
+            joint_trajectory(plan, options.rate_hz, options.joint_names, options.slow)
         ),
-        options=("rate_hz", "joint_names"),
+        options=("rate_hz", "joint_names", "slow"),
     ),
     "mat": Format(
         "MATLAB: as csv, with names of coordinates and inputs, and facts of the plan",
         (".mat",),
-        lambda plan, options: _mat(plan, sample(plan, options.rate_hz), options.rate_hz),
+        lambda plan, options: _mat(slowed(plan, options.slow), options.rate_hz),
         "planner.load_samples",
         sample_and_hold=True,
     ),
@@ -262,9 +261,10 @@ def _csv(samples: Samples) -> str:
     return csv_text([samples.columns, *cells])
 
 
-def _mat(plan: Plan, samples: Samples, rate_hz: float) -> bytes:
+def _mat(plan: Plan, rate_hz: float) -> bytes:
     from scipy.io import savemat
 
+    samples = sample(plan, rate_hz)
     about = {
         "format": "planner-samples",
         "version": 1,
@@ -302,7 +302,7 @@ DIFFERENCE_SHARE = 1e-6
 
 
 def joint_trajectory(
-    plan: Plan, rate_hz: float = RATE_HZ, joint_names: Sequence[str] | None = None
+    plan: Plan, rate_hz: float = RATE_HZ, joint_names: Sequence[str] | None = None, slow: float = 1
 ) -> dict[str, Any]:
     """Build a trajectory_msgs/JointTrajectory message as nested dictionaries and lists.
 
@@ -317,6 +317,7 @@ def joint_trajectory(
         joint_names: Two names, as the robot's controller calls the motors; by default "phi1" and
             the name of the second coordinate for arms, the inputs' names for other systems. Or the
             names of all joints of an arm: "theta1", "theta2" …
+        slow: See `slowed`; what is checked is the plan at its own speed.
 
     Raises:
         InputError: If the plan violates a requirement, moves at an end, or its inputs jump; the
@@ -324,7 +325,7 @@ def joint_trajectory(
     """
     names = _names(plan, joint_names)
     _refuse_unfit(plan)
-    times = sample(plan, rate_hz).t
+    times = sample(plan := slowed(plan, slow), rate_hz).t
     t = np.minimum(times, plan.duration)
     if names == _joints(plan) and joint_names is not None:
         positions = plan.q(t)[:, 1:]

@@ -150,7 +150,9 @@ def test_a_first_run_is_slow(run: Callable, tmp_path: Path) -> None:
     q = plan.q(np.clip(slow.t / 10, 0, plan.duration))
     assert slow.q[:, 1:] == pytest.approx(q[:, 1:], abs=1e-9)
     assert np.abs(slow.u).max(axis=0) == pytest.approx(plan.peak_u / 10, rel=0.02)
-    wrong = run(*words[:5], tmp_path / "a.mat")
+    table = planner.load_samples(planner.export(plan, tmp_path / "a.mat", slow=10))
+    np.testing.assert_array_equal(table.table, slow.table)
+    wrong = run(*words[:5], tmp_path / "c", "--format", "c")
     assert wrong.status == 2
     assert "has no option for slower motion" in wrong.err
     with pytest.raises(planner.InputError, match="a factor of at least 1"):

@@ -287,6 +287,18 @@ def test_ros_positions_velocities_and_accelerations_belong_together(
     np.testing.assert_allclose(np.rad2deg(position[[0, -1], 1]), [1, 30], atol=1e-5)
 
 
+def test_a_slow_trajectory_passes_the_same_points(rest: planner.Plan) -> None:
+    slow, usual = (
+        joint_trajectory(rest, 10, slow=10)["points"],
+        joint_trajectory(rest, 100)["points"],
+    )
+    assert len(slow) == len(usual)
+    assert slow[-1]["time_from_start"]["sec"] == 10 * usual[-1]["time_from_start"]["sec"]
+    for key, share in (("positions", 1.0), ("velocities", 0.1), ("accelerations", 0.01)):
+        wanted = share * np.array([point[key] for point in usual])
+        np.testing.assert_allclose([point[key] for point in slow], wanted, atol=1e-6 * share)
+
+
 def test_small_numbers_are_numbers_in_yaml(rest: planner.Plan, tmp_path: Path) -> None:
     yaml = pytest.importorskip("yaml")
     from planner.report.export import yaml_text

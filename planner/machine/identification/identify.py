@@ -455,8 +455,8 @@ def find_warnings(
     for zero in _wrong_zeros(estimates):
         yield (
             f"{(angle := f'theta{zero.parameter.key[4:]}')} reads {zero.value:.2f} +-"
-            f" {zero.spread:.2f} deg with the joint at zero. This fit allows for the offset;"
-            f" subtract the offset from all readings of {angle}, here and where the arm is run"
+            f" {zero.spread:.2f} deg with the joint at zero, or friction changes with its angle."
+            f" Put it at zero and look; subtract a true offset from all readings of {angle}"
         )
     for each in estimates:
         off = abs(each.value)

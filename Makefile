@@ -14,6 +14,7 @@
 #   make sensitivity  plans that mind errors less, to results/sensitivity (some minutes)
 #   make compensation  plans that know the hardware, to results/compensation (ten minutes)
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
+#   make truths    arms outside the model, home to end, to results/truths (ten minutes; continues)
 #   make map       a map of the goals that each method reaches from one start, to results/map (10 minutes)
 #   make singular  what the limit on z2 does near the singularity, to results/singular (a minute)
 #   make report    pictures of the report's page (needs Chromium), to results/report
@@ -44,7 +45,7 @@ KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/lay
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
-  identification map singular report explorer gallery results-check notebook docs test \
+  identification truths map singular report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -104,6 +105,10 @@ compensation: $(VENV)/.run
 identification: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/identification.py
 	@$(SIGN) identification
+
+truths: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/truths.py
+	@$(SIGN) truths
 
 map: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/goal_map.py

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,10 @@ import numpy as np
 import pytest
 
 import planner
-from planner import Problem
+from planner import Machine, Problem
 from planner.machine import compiled
 from planner.report.result_folder import MARKER, folder
+from planner.support.arrays import Array
 
 sys.path += [str(Path(__file__).parent / name) for name in ("benchmarks", "installed")]
 
@@ -32,6 +34,7 @@ import identification
 import legs
 import replay
 import results_pages as pages
+import truths
 from bench_cases import cases
 from outside_judge import campaign
 
@@ -202,3 +205,86 @@ def test_an_arm_goes_on_from_where_its_homing_ended(paper: Problem) -> None:
     plan = planner.solve(identification.from_pose(paper, way.pose_deg))
     moved = way.end_after(plan)
     assert np.abs(moved - 30).max() < 3  # homed, and nothing of the machine allowed for
+
+
+# -- arms outside the model ------------------------------------------------------------------------
+
+START_DEG = [1.0, 1.0, 1.0]
+FELT = ("shaft_stiffness_nm_per_rad", "coulomb_friction_nm", "viscous_friction_nms_per_rad")
+
+
+@pytest.fixture(scope="module")
+def built_arm(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The simulator, which shares no code with the package."""
+    if shutil.which("cc") is None:
+        pytest.skip("needs a C compiler")
+    return truths.built(tmp_path_factory.mktemp("truths"))
+
+
+@pytest.fixture
+def made(built_arm: Any, paper: Problem) -> Callable[..., truths.Arm]:
+    """An arm in the middle of its gaps."""
+
+    def made(numbers: truths.Numbers, steps: int = 100) -> truths.Arm:
+        arm = truths.Arm(built_arm, numbers, paper, [0], steps)
+        arm.place(START_DEG, [0.0, 0.0])
+        return arm
+
+    return made
+
+
+def test_the_first_truth_is_of_the_class_of_the_model(
+    made: Callable[..., truths.Arm], paper: Problem
+) -> None:
+    """Errors of first-order steps are what halving the steps changes; twice that is allowed."""
+    plan, numbers = planner.excitation(paper), truths.drawn(0)  # reverses the drive eleven times
+    u = plan.trajectory.u(truths.TICK_S * np.arange(round(plan.duration / truths.TICK_S)))
+    machine = Machine.prototype().nominal().without(*identification.OF_A_RUN).with_(**numbers)
+
+    def theirs(step_s: float, **more: Any) -> Array:
+        arm = machine.with_(step_s=step_s, **more)
+        replay = planner.replay(plan, arm, [0], settle_s=0.0, record_s=truths.TICK_S)
+        return replay.q[0, : len(u), 1:]
+
+    def apart(a: Array, b: Array) -> float:
+        return float(np.abs(a - b).max())
+
+    ours = [made(numbers, steps).period(u) for steps in (50, 100)]
+    known = [theirs(0.002), theirs(0.001)]
+    allowed = 2 * (apart(*ours) + apart(*known))
+    assert allowed < np.deg2rad(0.02)
+    assert apart(ours[1], known[1]) < allowed
+    wider = [b + 0.1 for b in numbers["backlash_deg"]]
+    assert apart(ours[1], theirs(0.001, backlash_deg=wider)) > allowed
+
+
+def test_with_little_inertia_links_move_as_without(made: Callable[..., truths.Arm]) -> None:
+    """They lag by inertia times acceleration over stiffness, and swing by as much about that."""
+    t = truths.TICK_S * np.arange(800)
+    u = np.stack([0.4 * np.sign(np.sin(t)), 0.2 * np.sin(1.7 * t)], axis=1)
+    numbers, inertia = truths.drawn(1), 1e-4
+    heavy = {**numbers, "inertia": [inertia, inertia], "reach": [0.0, 0.0, 0.0]}
+    gap = np.abs(made(heavy, 400).period(u) - made(numbers, 400).period(u)).max()
+    assert gap < 4 * inertia * 30.0 / min(numbers["shaft_stiffness_nm_per_rad"])
+
+
+def test_free_links_keep_their_energy(made: Callable[..., truths.Arm]) -> None:
+    """Without friction and shafts the chain has its kinetic energy alone; joint 1 stands."""
+    free = {name: [0.0, 0.0] for name in FELT}
+
+    def change(steps: int) -> float:
+        arm = made({**truths.arm_of(5, 0), **free, "edge_deg": 0.0, "shaft_damping": 0.0}, steps)
+        arm.state.spin[:] = [1.0, -0.7]
+        a, b = arm.numbers["inertia"]
+        reach = arm.numbers["reach"][2]
+        energies = []
+        for _ in range(150):
+            arm.period(np.zeros((1, 2)), held=True)
+            w2, w3 = arm.state.spin
+            swing = reach * np.cos(arm.state.theta[2]) * w2 * w3
+            energies.append(a * w2**2 / 2 + b * w3**2 / 2 + swing)
+        return float(np.ptp(energies) / energies[0])
+
+    coarse, fine = change(50), change(100)
+    assert fine < 0.002
+    assert coarse == pytest.approx(2 * fine, rel=0.2)  # of first order, and nothing else

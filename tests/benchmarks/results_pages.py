@@ -52,6 +52,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "stress": (*PLANS, "tests/benchmarks/stress.py", "tests/benchmarks/families.py"),
     "suite": (*PLANS, "problems", "tests/benchmarks/suite.py"),
     "sweeps": (*PLANS, "sweep", "problems/sweeps"),
+    "truths": (*MACHINES, "tests/benchmarks/truths.c", "tests/benchmarks/truths.py"),
 }
 """By page: folders and files, in planner/ or, where they are not there, of the checkout."""
 

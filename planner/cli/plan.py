@@ -78,7 +78,7 @@ def plan(
             "--again",
             metavar="PLAN",
             help="The goal again from the start of this plan (JSON), aimed off by the error at the"
-            " end of its run, which --pose-from names: for an arm that misses alike each time.",
+            " end of its run, which --pose-from names: for an arm that stands there again.",
         ),
     ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,

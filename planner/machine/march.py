@@ -13,14 +13,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from planner.machine.bodies import (
-    STICTION_SLOPE,
-    Masses,
-    OfSamples,
-    StageLaws,
-    StateRows,
-    masses,
-)
+from planner.machine.bodies import STICTION_SLOPE, Masses, OfSamples, StageLaws, StateRows, masses
 from planner.machine.disk_chain import rest_at, rest_range
 from planner.machine.friction.contact_load import gear_constants
 from planner.machine.friction.contacts import SLIP_SPEED_RAD_S, Grip, chain_loads

@@ -50,6 +50,13 @@ def _interval(name: str) -> Any:
 KEPT_IN_FILES = {"spec", "plan", "replay", "machine_errors_deg"}
 """Fields that `Row.to_dict` leaves out; a saved folder has plans and errors in other files."""
 
+EARLIER_NAMES = {
+    "travel": "travel_rad",
+    **{name: f"{name}_rad_s" for name in ("peak_u", "peak_u1", "peak_u2")},
+    "terminal_error_max_deg": "terminal_error_deg",
+}
+"""Names of figures in files before version 1.0.0, whatever their units."""
+
 
 @dataclass(frozen=True)
 class Row(PlanFigures):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.comparison import FORMAT, VERSION, Comparison
-from planner.comparison.rows import KEPT_IN_FILES, Row
+from planner.comparison.rows import EARLIER_NAMES, KEPT_IN_FILES, Row
 from planner.errors import InputError
 from planner.machine.machine import Machine, sample_numbers
 from planner.plan.spec import Spec
@@ -116,19 +116,11 @@ def _row(
     if "terminal_error_max_deg" in data:
         values |= without_unit_keys(data, problem.system)
     else:  # earlier versions lacked the length of the path, too
-        values |= {name: data[earlier] for name, earlier in _EARLIER_NAMES.items()}
+        values |= {name: data[EARLIER_NAMES[name]] for name in names & EARLIER_NAMES.keys()}
         values["path_length"] = None if plan is None else plan.path_length
     values = values_of({k: v for k, v in values.items() if k in names})
     values["domain_ok"] = data["domain_ok"]
     return Row(spec, **values, plan=plan, machine_errors_deg=errors), False
-
-
-_EARLIER_NAMES = {
-    "travel": "travel_rad",
-    "peak_u": "peak_u_rad_s",
-    "terminal_error_max_deg": "terminal_error_deg",
-}
-"""Names of figures in files before version 1.0.0, whatever their units."""
 
 
 def values_of(data: Mapping[str, Any]) -> dict[str, Any]:

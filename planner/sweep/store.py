@@ -18,6 +18,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Self
 
+from planner.comparison.rows import EARLIER_NAMES
 from planner.errors import InputError
 from planner.problem.tables.kinds import parse_file, system_of
 from planner.support.files import expect_path, parse_json, refuse_unwritable, written_paths
@@ -31,14 +32,6 @@ from planner.systems.triangular_system import TriangularSystem
 SCHEMA_VERSION = 1
 _ORDER = {"started": "INTEGER"}
 """Columns of the starts' order in the file: 1 for the first start, and so on; no clock is asked."""
-
-EARLIER_NAMES = {
-    "travel": "travel_rad",
-    "peak_u1": "peak_u1_rad_s",
-    "peak_u2": "peak_u2_rad_s",
-    "terminal_error_max_deg": "terminal_error_deg",
-}
-"""Names of columns in files of older versions, where a vehicle's metres were called rad, too."""
 
 LOCK_WAIT_S = 30.0
 """Longest wait for another process that writes to the same file, in seconds."""

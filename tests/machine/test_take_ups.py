@@ -94,6 +94,55 @@ def test_the_goal_costs_the_way_little() -> None:
     assert better.notes["compensation"]["E_deg"] < 2.2
 
 
+def on_meshes(problem: planner.Problem, *meshes: int) -> list[Plan]:
+    """One path on several meshes, compensated."""
+    first = planner.solve(problem)
+    out = []
+    for intervals in meshes:
+        task = problem.changed({"method.collocation.intervals": intervals})
+        out.append(planner.compensate(planner.solve(task, "collocation", warm=first)))
+    return out
+
+
+def test_what_compensation_reaches_does_not_depend_on_the_mesh() -> None:
+    problem = planner.Problem.manipulator(
+        [9.8, 39.1, -22.8], [-27.2, 9.0, -36.5], duration=15, input_rad_s=0.5, joint_deg=80
+    ).changed({"machine.step_s": 0.01})
+    coarse, fine = (plan.notes["compensation"] for plan in on_meshes(problem, 14, 100))
+    assert coarse["E_deg"] == pytest.approx(fine["E_deg"], rel=0.05)
+    assert fine["E_deg"] < 0.2 * fine["plain_E_deg"]
+
+
+@pytest.mark.campaign
+def test_nine_plans_of_three_joints_are_compensated_alike_on_three_meshes() -> None:
+    """The search before stopped anywhere from 1.7 to 3.0 degrees on the meshes of one path. Below
+    0.4 degrees it stops early."""
+    starts = [[8.4, 11.0, 14.1], [-5.7, 1.9, 29.8], [9.8, 39.1, -22.8]]
+    goals = [[-27.9, -4.8, -20.8], [-12.5, 7.2, 14.7], [-27.2, 9.0, -36.5]]
+    drawn = np.random.default_rng(5).uniform(-40, 40, (7, 2, 3)).round(1).tolist()
+    drawn.pop(3)  # no plan takes 15 s
+    for start, goal in [*zip(starts, goals, strict=True), *drawn]:
+        plans = on_meshes(
+            planner.Problem.manipulator(start, goal, duration=15, input_rad_s=0.5, joint_deg=80),
+            *(14, 40, 100),
+        )
+        errors = [plan.notes["compensation"]["E_deg"] for plan in plans]
+        plain = plans[0].notes["compensation"]["plain_E_deg"]
+        assert max(errors) < max(0.4, 1.05 * min(errors))
+        assert max(errors) < min(0.2 * plain, 1.3)
+
+
+@pytest.mark.campaign
+def test_four_joints_are_compensated_alike_on_two_meshes() -> None:
+    """The meshes of 14 and 100 had motions 13 to 15 degrees off the path, and plain 9.1: the first
+    step removed the miss of the goal at any cost. On 40 the goal is still missed."""
+    plans = on_meshes(planner.load_problem("problems/four-joint.toml"), 14, 100)
+    errors = [plan.notes["compensation"]["E_deg"] for plan in plans]
+    assert max(errors) < min(1.05 * min(errors), 6.5)
+    for plan in plans:
+        assert np.max(np.abs(planner.verify(plan).terminal_error_deg)) < 0.05
+
+
 def test_the_goal_is_not_paid_for_by_the_way_at_the_turn() -> None:
     """The axes' needs differ at the crossing's turn. The goal, missed by 1.5 degrees for it, was
     reached by a swing of joint 1 in the hold: it left its path by 4.9 degrees."""

@@ -32,15 +32,21 @@ PROBES_RAD = np.deg2rad([0.3, 0.05])
 """Changes of the correction at one knot for finite differences: a fifteenth of the joints' lost
 motion, to see beyond the next few steps; and a smaller change, once the first gains no more."""
 
-PIN_PRICES = {2: 4.0, 8: 1.5, 32: 4.0}
-"""Powers of the norm of the errors, used in turn, and the cost of missing a pin by 1 degree at
-each. Power 2, the mean square, converges from far away; power 32 is near the maximum, by which
-plans are judged. The lower cost at power 8 lets the motion leave the path that the mean square
-chose to reach the goal."""
+CHEAP_WEIGHTS, CHEAP_PRICE, NEAR_DEG = (3.0, 1.0), 0.5, 0.1
+"""The first searches, for the least mean square, take pins (goal and waypoints) lightly (penalty
+method, Nocedal and Wright, p. 497), since a first step that removes a miss of 9 degrees leads four
+joints to a motion 12 degrees off its path where there is one within 6: weight of the pins in the
+programmes of each search, relative to the joints' errors; cost of missing a pin by 1 degree,
+relative to the largest error; and largest miss that needs no other search. The best goes on."""
+
+POWERS, PIN_WEIGHT, PIN_PRICE = (2, 8, 32), 30.0, 4.0
+"""Powers of the norm of the errors in the searches that follow, and weight and cost of the pins
+there. The mean square converges from far away; power 32 is near the maximum, by which plans are
+judged."""
 
 MOST_ROUNDS, LEAST_GAIN = 8, 0.02
-"""Largest number of rounds for each power; and least gain of a round that justifies another round,
-as a fraction of the measure. A step of a single knot must gain this fraction of the miss."""
+"""Largest number of rounds of each search; and least gain of a round that justifies another round,
+as a fraction of the measure."""
 
 RIDGE = 0.05
 """Weight of a correction's change between knots, relative to an equal error of every joint."""
@@ -53,10 +59,7 @@ PARTS = (1.0, 0.5, 0.2)
 
 GOOD_DEG = 0.4
 """Largest error of a motion that is good enough, a fifth of the median error that spreads leave.
-Also the largest miss of a pin at which steps of single knots are tried."""
-
-PIN_WEIGHT = 30.0
-"""Weight of the misses of goal and waypoints, relative to that of the joints' errors."""
+Also what reaching the goal may cost any motion."""
 
 PIN_TOLERANCE_RAD = np.deg2rad(0.01)
 """Largest miss of a pin (goal or waypoint) that is good enough: a fifth of `PINNED_DEG`."""
@@ -67,11 +70,8 @@ NEAR_MARGIN = 0.05
 PIN_SLACK_RAD = np.deg2rad(0.03)
 """Largest miss of a pin without a cost."""
 
-PIN_PRICE = 4.0
-"""Cost of missing a pin by 1 degree in the final rounds, relative to the largest error."""
-
-DAMPINGS = (1e-4, 1e3)
-"""Least and largest Levenberg weight at the beginning of a round."""
+FIRST_DAMPING, DAMPINGS = 0.01, (1e-4, 1e3)
+"""Levenberg weight at the beginning of a search; and least and largest at that of a round."""
 
 PINNED_DEG = 0.05
 """Largest miss of the goal or a waypoint that the judge allows."""
@@ -79,11 +79,6 @@ PINNED_DEG = 0.05
 END_ROUNDS, PIN_GAIN = 10, 0.75
 """Largest number of final rounds; and largest fraction of the miss that a step may leave. Of such
 steps a round takes the one that costs the motion least; without any, the one that leaves least."""
-
-KNOT_STEP, KNOT_GAIN, LAST_KNOTS = 2.0, 0.8, 5
-"""Steps of one motor alone, tried if the other steps cost the motion more than they gain at the
-goal: size as a multiple of the miss (a joint follows by half of it); largest fraction of the miss
-that a step may leave; and inverse of the share of knots, the last fifth, at which steps start."""
 
 SPANS = ((0, 4), (0, 2), (2, 4), (0, 1), (1, 2), (2, 3), (3, 4))
 """Ranges of knots, in quarters, that the final rounds change."""
@@ -96,6 +91,7 @@ class Correction:
         plan: The plan whose motion is wanted.
         machine: The machine to compensate for.
         shape: The plan's commands without a correction.
+        most_deg: Largest error that reaching the goal may cost, degrees: that of the plan as it is.
 
     Attributes:
         knots: Times of the knots, (m,), s; the correction is zero at the first.
@@ -104,13 +100,15 @@ class Correction:
         keeps_all: Whether the corrected motion ends at the goal and breaks no requirement.
     """
 
-    def __init__(self, plan: Plan, machine: Machine, shape: CommandShape) -> None:
-        self._variants, self._shape = Variants(plan, machine, shape), shape
+    def __init__(
+        self, plan: Plan, machine: Machine, shape: CommandShape, most_deg: float = np.inf
+    ) -> None:
+        self._variants, self._shape, self._most = Variants(plan, machine, shape), shape, most_deg
         self.knots = self._variants.knots
         self.values = np.zeros((len(self.knots), 2))
         self.rounds, self.keeps_all = 0, False
 
-    def _measure(self, runs: Runs, values: Array, power: int) -> float:
+    def _measure(self, runs: Runs, values: Array, power: int, price: float) -> float:
         """Return the objective of the search, degrees: a norm of the errors plus costs of missed
         pins and limits."""
         size = np.abs(runs.errors)
@@ -120,7 +118,7 @@ class Correction:
         off = np.maximum(np.abs(runs.pins) - np.rad2deg(PIN_SLACK_RAD), 0.0)
         missed = float(np.linalg.norm(off))
         violation = float(np.max(np.maximum(-runs.margins, 0.0), initial=0.0))
-        return float(np.hypot(norm, rough)) + PIN_PRICES[power] * missed + 100.0 * violation
+        return float(np.hypot(norm, rough)) + price * missed + 100.0 * violation
 
     @property
     def commands(self) -> Array:
@@ -133,27 +131,48 @@ class Correction:
         Raises:
             TimeUpError: If time is up; the best correction so far is kept.
         """
-        now = self._variants.run(self.values[:, :, None])[0]
-        for power in PIN_PRICES:
-            now = self._run_rounds(now, power)
+        start, found = (self._variants.run(self.values[:, :, None])[0], self.values, 0), []
+        try:
+            for weight in CHEAP_WEIGHTS:
+                now, self.values, self.rounds = start
+                now = self._run_rounds(now, 2, weight, CHEAP_PRICE)
+                cost = self._measure(now, self.values, 2, CHEAP_PRICE)
+                found.append((cost, now, self.values, self.rounds))
+                if np.max(np.abs(now.pins)) <= NEAR_DEG:
+                    break
+        finally:
+            if found:
+                _, now, self.values, self.rounds = min(found, key=itemgetter(0))
+        for power in POWERS:
+            now = self._run_rounds(now, power, PIN_WEIGHT, PIN_PRICE)
         now = self._pin()
         missed = float(np.max(np.abs(now.pins)))
         self.keeps_all = bool(missed < PINNED_DEG and np.min(now.margins, initial=0.0) >= -SAFE)
 
-    def _run_rounds(self, now: Runs, power: int) -> Runs:
-        """Improve the correction in rounds for one power of the norm; return the new motion."""
-        best, damping, probes = self._measure(now, self.values, power), 1.0, list(PROBES_RAD)
+    def _run_rounds(self, now: Runs, power: int, pin_weight: float, price: float) -> Runs:
+        """Improve the correction in rounds of one search; return the new motion."""
+        best, damping = self._measure(now, self.values, power, price), FIRST_DAMPING
+        probes = list(PROBES_RAD)
         if not self.rounds:  # even a tiny correction makes a resting motor cross its play
             best = np.inf
         for _ in range(MOST_ROUNDS):
             deadline.check()
             if self._is_good(now):
                 break
-            candidates = self._candidates(now, damping, power, probes[0])
+            slopes = self._variants.slopes(self.values, probes[0])
+            weights = [damping * step for step in STEPS]
+            steps = zip(weights, self._steps(now, slopes, weights, power, pin_weight), strict=True)
+            candidates = [
+                (weight, self.values + part * step)
+                for weight, step in steps
+                if step is not None
+                for part in PARTS
+            ]
             if not candidates:
                 break
             runs = self._variants.run(np.stack([values for _, values in candidates], axis=2))
-            measures = [self._measure(runs[k], v, power) for k, (_, v) in enumerate(candidates)]
+            tried = enumerate(candidates)
+            measures = [self._measure(runs[k], v, power, price) for k, (_, v) in tried]
             k = int(np.argmin(measures))
             gain = best - measures[k]
             if gain > 0:
@@ -175,19 +194,8 @@ class Correction:
         is_safe = np.min(runs.margins, initial=0.0) >= 0
         return bool(is_safe and missed <= np.rad2deg(PIN_SLACK_RAD) and largest <= GOOD_DEG)
 
-    def _candidates(
-        self, now: Runs, damping: float, power: int, probe: float
-    ) -> list[tuple[float, Array]]:
-        """Return the corrections to try, each with the Levenberg weight of its programme."""
-        slopes, out = self._variants.slopes(self.values, now, probe), []
-        weights = [damping * step for step in STEPS]
-        for weight, step in zip(weights, self._steps(now, slopes, weights, power), strict=True):
-            if step is not None:
-                out += [(weight, self.values + part * step) for part in PARTS]
-        return out
-
     def _steps(
-        self, now: Runs, slopes: Runs, weights: list[float], power: int
+        self, now: Runs, slopes: Runs, weights: list[float], power: int, pin_weight: float
     ) -> list[Array | None]:
         """Return the changes of the correction, (m, 2), rad, one for each Levenberg weight; None if
         the programme has no solution."""
@@ -195,7 +203,7 @@ class Correction:
         weight = np.maximum(size / max(float(size.max()), 1e-9), 0.1) ** (power / 2 - 1)
         weight = weight / np.sqrt(np.sum(weight**2))
         A, e = slopes.errors.T * weight[:, None], now.errors * weight
-        pins = PIN_WEIGHT / np.sqrt(len(now.pins))
+        pins = pin_weight / np.sqrt(len(now.pins))
         B, b = slopes.pins.T * pins, now.pins * pins
         m = len(self.knots)
         D = np.kron(np.diff(np.eye(m), axis=0)[:, 1:], np.eye(2))
@@ -237,22 +245,14 @@ class Correction:
     def _pin(self) -> Runs:
         """Correct only the misses of goal and waypoints; return the resulting motion."""
         now = self._variants.run(self.values[:, :, None], is_sent=True)[0]
+        self._most = max(self._most, float(np.abs(now.errors).max()) + GOOD_DEG)
         for _ in range(END_ROUNDS):
             missed = float(np.max(np.abs(now.pins)))
             if missed <= np.rad2deg(PIN_TOLERANCE_RAD):
                 break
             deadline.check()
             step = self._best_of(self._pin_steps(now), now, PIN_GAIN)
-            is_dear = not step or step[0] >= 0
-            if is_dear and missed < PINNED_DEG:
-                break
-            if is_dear and missed <= GOOD_DEG:
-                more = self._best_of(self._knot_steps(missed), now, KNOT_GAIN)
-                if more and np.max(np.abs(more[2].pins)) > (1 - LEAST_GAIN) * missed:
-                    more = None  # its gain is too small; it would be repeated in every round
-                both = [each for each in (step, more) if each]
-                step = min(both, default=None, key=itemgetter(0))
-            if not step:
+            if not step or (step[0] >= 0 and missed < PINNED_DEG):  # or it costs more than it gains
                 break
             _, self.values, now = step
         return now
@@ -272,30 +272,17 @@ class Correction:
         missed = float(np.max(np.abs(now.pins)))
         trials = self.values[:, :, None] + np.concatenate([p * steps for p in PARTS], axis=2)
         runs = self._variants.run(trials, is_sent=True)
-        margins = np.min(runs.margins, axis=1, initial=0.0)
-        margins = margins >= min(-SAFE, float(np.min(now.margins, initial=0.0)))  # type: ignore[assignment, unused-ignore]
-        misses = np.where(margins, np.abs(runs.pins).max(axis=1), np.inf)
+        least, sizes = np.min(runs.margins, axis=1, initial=0.0), np.abs(runs.errors).max(axis=1)
+        is_allowed = least >= min(-SAFE, float(np.min(now.margins, initial=0.0)))
+        is_allowed &= sizes <= self._most
+        misses = np.where(is_allowed, np.abs(runs.pins).max(axis=1), np.inf)
         if np.min(misses) >= missed:
             return None
         enough = max(gain * missed, float(np.min(misses)))
-        price = np.abs(runs.errors).max(axis=1) + PIN_PRICE * misses
+        price = sizes + PIN_PRICE * misses
         k = int(np.argmin(np.where(misses <= enough, price, np.inf)))
         worse = float(price[k] - np.abs(now.errors).max() - PIN_PRICE * missed)
         return worse, trials[:, :, k], runs[k]
-
-    def _knot_steps(self, missed: float) -> Array:
-        """Return the steps that turn one motor by a constant angle from a knot on, (m, 2, S), rad.
-
-        The angle is proportional to the miss. These steps use no derivatives, which are not
-        reliable where a joint comes to rest: changes of either sign may move it the same way.
-        """
-        m, out = len(self.knots), []
-        for k in range(m - m // LAST_KNOTS, m):
-            for i in range(2):
-                step = np.zeros((m, 2))
-                step[k:, i] = np.deg2rad(KNOT_STEP * missed)
-                out += [step, -step]
-        return np.stack(out, axis=2)
 
     def _pin_steps(self, now: Runs) -> Array:
         """Return the changes that remove the misses and change the motion least, (m, 2, S), rad.
@@ -304,10 +291,10 @@ class Correction:
         variety helps where motors reverse or are at their limits, since one derivative is not
         reliable there.
         """
-        usual, m, out = self._variants.run(self.values[:, :, None])[0], len(self.knots), []
+        m, out = len(self.knots), []
         cuts = np.linspace(0, 2 * (m - 1), 5).astype(int)
         for probe in PROBES_RAD:
-            slopes = self._variants.slopes(self.values, usual, probe)
+            slopes = self._variants.slopes(self.values, probe)
             J, A = slopes.pins.T, slopes.errors.T
             H = A.T @ A / len(A) + 1e-3 * np.eye(J.shape[1])
             for first, last in SPANS:

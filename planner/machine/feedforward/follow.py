@@ -64,7 +64,7 @@ def follow(plan: Plan, machine: Machine, options: CompensationTable) -> Plan:
     with time_limit(None) as span:
         for done, most_away in ways:
             shape = CommandShape(plan, system, machine, done, most_away)
-            correction = Correction(plan, machine, shape)
+            correction = Correction(plan, machine, shape, plain_E_deg)
             try:
                 if done.correction:
                     correction.search()

@@ -147,19 +147,22 @@ class Variants:
         goal = self._plan.problem.goal
         return np.where(np.isnan(goal), self._plan.trajectory.q(self._plan.duration), goal)
 
-    def slopes(self, values: Array, now: Runs, probe: float) -> Runs:
+    def slopes(self, values: Array, probe: float) -> Runs:
         """Return the derivatives of errors, pins and margins by the corrections at the knots after
         the first, (2(m−1), …), per degree.
 
+        They are central differences: where a joint rests inside its play, a change of one sign
+        moves nothing, and one of the other does.
+
         Args:
             values: The corrections, (m, 2), rad.
-            now: The motion with these corrections.
             probe: Change of one knot for the finite difference, rad.
         """
-        m = len(self.knots)
-        probes = np.repeat(values[:, :, None], 2 * (m - 1), axis=2)
-        k = np.arange(2 * (m - 1))
+        count = 2 * (len(self.knots) - 1)
+        probes = np.repeat(values[:, :, None], 2 * count, axis=2)
+        k = np.arange(count)
         probes[1 + k // 2, k % 2, k] += probe
-        runs, step = self.run(probes), np.rad2deg(probe)
-        pairs = (runs.errors, now.errors), (runs.pins, now.pins), (runs.margins, now.margins)
-        return Runs(*((probed - usual) / step for probed, usual in pairs))
+        probes[1 + k // 2, k % 2, count + k] -= probe
+        runs, step = self.run(probes), 2 * np.rad2deg(probe)
+        each = runs.errors, runs.pins, runs.margins
+        return Runs(*((part[:count] - part[count:]) / step for part in each))

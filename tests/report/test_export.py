@@ -288,6 +288,8 @@ def test_ros_positions_velocities_and_accelerations_belong_together(
 
 
 def test_a_slow_trajectory_passes_the_same_points(rest: planner.Plan) -> None:
+    from planner.report.export import joint_trajectory
+
     slow, usual = (
         joint_trajectory(rest, 10, slow=10)["points"],
         joint_trajectory(rest, 100)["points"],

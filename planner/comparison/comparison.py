@@ -118,7 +118,7 @@ class Comparison(Frozen):
         return [start + label + first, *others]
 
     @cached_property
-    def headline_parts(self) -> tuple[str, str, list[str]]:
+    def headline_parts(self) -> tuple[str, str, tuple[str, ...]]:
         """The headline before the first mention of the recommended plan's label, that label, and
         the lines after it."""
         start, label, rest = headline(self.rows, self.threshold_deg, self.machine, self.by)

@@ -115,7 +115,7 @@ def _worse_than(
 
 def headline(
     rows: Sequence[Row], threshold_deg: float, machine: Machine, by: By = "way"
-) -> tuple[str, str, list[str]]:
+) -> tuple[str, str, tuple[str, ...]]:
     """Return as plain text which plan to take.
 
     The text has up to three lines: the plan and what it gains; what it costs, beside the next best;
@@ -133,9 +133,9 @@ def headline(
     if row is None and solved:
         row = min(solved, key=lambda each: each.beyond_physical)
         fewest = ", the fewest of all plans" if len(solved) > 1 else ""
-        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", [""]
+        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", ("",)
     if row is None:
-        return "None of the methods found a plan that keeps every limit.", "", [""]
+        return "None of the methods found a plan that keeps every limit.", "", ("",)
     beware = [_swing(row), _caution(row), _follow_up(rows, row)]
     beware.append(_refusal(rows, row, threshold_deg))
     if len(solved) == 1:
@@ -170,10 +170,10 @@ def headline(
     return "Take ", row.label, _lines(f" for the {by}: {reason}", prices, beware)
 
 
-def _lines(first: str, *sentences: list[str]) -> list[str]:
+def _lines(first: str, *sentences: list[str]) -> tuple[str, ...]:
     """Return a line, then a line for each list of sentences that has any."""
     joined = [" ".join(map(str.strip, filter(None, each))) for each in sentences]
-    return [first, *filter(None, joined)]
+    return first, *filter(None, joined)
 
 
 def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) -> str:

@@ -116,8 +116,8 @@ def test_only_a_run_that_reverses_tests_the_machine(found: Identification, motio
     tested = replace(found, kept_out=other)
     assert (tested.improves, tested.verdict) == (True, "better")
     rms = np.array(tested.errors["identified"].rms_deg[1:])
-    assert tested.half_width_deg == pytest.approx(2.13 * np.sqrt(np.mean(rms**2)))
-    assert tested.half_width_deg < 0.15
+    assert tested.half_width_deg == pytest.approx(5.4 * np.sqrt(np.mean(rms**2)))
+    assert tested.half_width_deg < 0.4
     assert f"within about {tested.half_width_deg:.2g} deg" in tested.to_toml()
     worth = tested.machine.worth
     assert worth is not None

@@ -196,7 +196,7 @@ class Worth(Table):
     improves: bool | None = None
     """Whether the machine predicts that run better than the preset does."""
     half_width_deg: Annotated[float, Field(ge=0)] | None = None
-    """About four of five plans end within this angle of the predicted end, degrees; no confidence
+    """About three of four plans end within this angle of the predicted end, degrees; no confidence
     interval."""
 
     @property

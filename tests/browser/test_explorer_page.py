@@ -181,7 +181,11 @@ def test_sensitivities_are_bars_that_follow_the_weight(show: Any, tmp_path: Path
     cheap = bars()
     assert max(cheap[name] / calm[name] for name in calm if calm[name]) > 1.2, "less is weighed"
     assert page.locator(".px-tuning .px-before").count() == len(calm)
+    shade = page.locator(".px-grid").evaluate("e => getComputedStyle(e).opacity")
+    assert shade == "1", "grey only while planning"
     picture(page, "tuning", tmp_path)
+    page.locator("[data-button=tuning]").click()
+    assert blocks.count() == 0
 
 
 def milliseconds(page: Any, values: range) -> float:

@@ -77,7 +77,7 @@ def plan_to_end(problem: Problem, options: CollocationOptions, warm: Plan | None
     with progress.progress_listener(None), span:
         options = options.model_copy(update={"end": "plan", "rest": True})
         near = search(problem, options)
-        if not np.any(follower.widths):
+        if not any(follower.widths[0]):
             return run(near)
         progress.tell("turning beyond the goal")
         return _turn_beyond(problem, options, near, follower, run)

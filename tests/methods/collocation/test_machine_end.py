@@ -88,8 +88,11 @@ def test_the_machine_keeps_the_limits_too() -> None:
     assert np.rad2deg(np.abs(plan.compensates.theta(np.linspace(0, 10, 500))).max()) <= 36.001
 
 
-def test_without_lost_motion_the_plan_is_the_usual_one() -> None:
-    ideal = PAPER.changed({"machine": {"preset": "ideal"}})
+@pytest.mark.parametrize("spread", [0.0, 0.5])
+def test_without_lost_motion_the_plan_is_the_usual_one(spread: float) -> None:
+    """That of the nominal machine: others may have some."""
+    play = {"value": 0.0, "spread": spread}
+    ideal = PAPER.changed({"machine": {"preset": "ideal", "backlash_deg": play}})
     plan = planner.solve(ideal, end="machine")
     usual = planner.solve(ideal, rest=True)
     assert plan.compensates is not None

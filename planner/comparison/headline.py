@@ -133,20 +133,21 @@ def headline(
     if row is None and solved:
         row = min(solved, key=lambda each: each.beyond_physical)
         fewest = ", the fewest of all plans" if len(solved) > 1 else ""
-        return f"No plan is recommended.{_jumps(row)}{_beyond(row)}{fewest}.", "", ("",)
+        words = _join("No plan is recommended.", _jumps(row), f"{_beyond(row)}{fewest}.")
+        return words, "", ("",)
     if row is None:
         return "None of the methods found a plan that keeps every limit.", "", ("",)
-    beware = [_swing(row), _caution(row), _follow_up(rows, row)]
-    beware.append(_refusal(rows, row, threshold_deg))
+    refused = _refusal(rows, row, threshold_deg)
+    beware = _join(_swing(row), _caution(row), _follow_up(rows, row), refused)
     if len(solved) == 1:
         words = "reaches the goal and keeps every limit."
         if sum(not each.feedback for each in rows) == 1:
-            return "", row.label, _lines(f" {words}", [], beware)
-        return "Take ", row.label, _lines(f": the only plan that {words}", [], beware)
+            return "", row.label, _lines(f" {words}", beware)
+        return "Take ", row.label, _lines(f": the only plan that {words}", beware)
     if by in ("effort", "time") or not np.isfinite(row.E_median_deg):
         what = "time" if by == "time" else "effort"
         least = f": of {len(solved)} verified plans it has the least {what}."
-        return "Take ", row.label, _lines(least, [], beware)
+        return "Take ", row.label, _lines(least, beware)
     others = [r for r in solved if r is not row]
     plain = next((r for r in others if r.spec == row.spec.plain), None)
     alike = (r for r in others if by == "end" or r.spec.compensated == row.spec.compensated)
@@ -161,19 +162,23 @@ def headline(
     if by == "end":
         reason = f"{_degrees(row.end_median_deg)} in the median"
     reason += f"{_machines(row, machine)}."
-    prices = []
+    price = against = ""
     if by == "way" and other is not rival and (costs := _costs(row, other)):
-        prices.append(f"It takes {costs}.")
+        price = f"It takes {costs}."
     if rival is not None:
         worse = rival.label in _worse_than(row, rows, threshold_deg, *_tested(by))
-        prices.append(_against(row, rival, worse, threshold_deg, by))
-    return "Take ", row.label, _lines(f" for the {by}: {reason}", prices, beware)
+        against = _against(row, rival, worse, threshold_deg, by)
+    return "Take ", row.label, _lines(f" for the {by}: {reason}", _join(price, against), beware)
 
 
-def _lines(first: str, *sentences: list[str]) -> tuple[str, ...]:
-    """Return a line, then a line for each list of sentences that has any."""
-    joined = [" ".join(map(str.strip, filter(None, each))) for each in sentences]
-    return first, *filter(None, joined)
+def _lines(*lines: str) -> tuple[str, ...]:
+    """Return the lines that are not empty."""
+    return tuple(filter(None, lines))
+
+
+def _join(*sentences: str) -> str:
+    """Return the sentences that are not empty as one line."""
+    return " ".join(filter(None, sentences))
 
 
 def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) -> str:
@@ -183,16 +188,16 @@ def _against(row: Row, rival: Row, worse: bool, threshold_deg: float, by: By) ->
     """
     name = f"{rival.label} ({'E ' * (by == 'way')}{_degrees(_figure(rival, by))})"
     if _breaks_limits(rival) and not _breaks_limits(row):
-        return f" {name} breaks a limit on {number(rival.beyond_physical)} % of the machines."
+        return f"{name} breaks a limit on {number(rival.beyond_physical)} % of the machines."
     if worse:
         costs, kind = _costs(row, rival), "with" if row.spec.compensated else "without"
         kind = f" {kind} compensation" * (by == "way")
-        best = f" The next best plan{kind} is {name}."
+        best = f"The next best plan{kind} is {name}."
         return best + (f" {row.label} takes {costs}." if costs else "")
     costs = _costs(rival, row)
     more = f", which takes {costs}" if costs else ""
     least = f"no difference of {threshold_deg:g} deg or more"
-    return f" The paired test finds {least} from {name}{more}."
+    return f"The paired test finds {least} from {name}{more}."
 
 
 def _machines(row: Row, machine: Machine) -> str:
@@ -213,7 +218,7 @@ def _swing(row: Row) -> str:
         return ""
     known = np.isfinite(row.joint_1_range_deg[0])  # not in a folder of an earlier version
     words = f", and in all {_range_of_joint_1(row)}" if known else ""
-    return f" Stand clear: joint 1 swings before the plan starts{words}."
+    return f"Stand clear: joint 1 swings before the plan starts{words}."
 
 
 def _range_of_joint_1(row: Row) -> str:
@@ -238,7 +243,7 @@ def _refusal(rows: Sequence[Row], row: Row, threshold_deg: float) -> str:
     best = max(nearer, key=gain)
     first = next(iter(best.ways), "")
     return (
-        f" More accurate, but refused: {best.label} ({best.why}):"
+        f"More accurate, but refused: {best.label} ({best.why}):"
         f" E {_degrees(best.E_median_deg)} instead of {_degrees(row.E_median_deg)},"
         f" {_degrees(best.end_median_deg)} instead of {_degrees(row.end_median_deg)} at the end."
     ) + f" Try: {first}." * bool(first)
@@ -297,16 +302,16 @@ def _caution(row: Row) -> str:
     """Warn of a plan that jumps at an end, and of machines that break physical limits, or many
     that break others."""
     warns = row.beyond_physical > 0 or row.beyond_limits > MOST_BEYOND_PERCENT
-    return _jumps(row) + f"{_beyond(row)}." * warns
+    return _join(_jumps(row), f"{_beyond(row)}." * warns)
 
 
 def _jumps(row: Row) -> str:
-    return f" {row.label} {row.plan.jump_words}." if row.plan and row.plan.jump_words else ""
+    return f"{row.label} {row.plan.jump_words}." if row.plan and row.plan.jump_words else ""
 
 
 def _beyond(row: Row) -> str:
     """Return words that say on how many machines a plan breaks limits, without a full stop."""
-    words = f" On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
+    words = f"On {number(row.beyond_limits)} % of the machines {row.label} breaks a limit"
     if row.beyond_physical != row.beyond_limits:
         words += f", on {number(row.beyond_physical)} % a physical one"
         words += " (breaking one of chained coordinates harms nothing)"
@@ -321,13 +326,13 @@ def _follow_up(rows: Sequence[Row], row: Row) -> str:
     closed = [each for each in rows if each.spec == replace(row.spec, feedback=True)]
     if not closed or not np.isfinite(closed[0].E_median_deg):
         return ""
-    words = f" With feedback E is {_degrees(closed[0].E_median_deg)}."
+    words = f"With feedback E is {_degrees(closed[0].E_median_deg)}."
     more = closed[0].duration_s - row.duration_s
     if more > LEAST_RUN_UP_S:
         words += f" The controller moves the arm {more:.1f} s longer, also before the plan starts"
         swings = f"; stand clear: joint 1 then {_range_of_joint_1(closed[0])}"
         words += f"{swings * bool(np.ptp(closed[0].joint_1_range_deg) > LEAST_SWING_DEG)}."
-    return words + _caution(closed[0])
+    return _join(words, _caution(closed[0]))
 
 
 def _degrees(value: float) -> str:

@@ -151,8 +151,7 @@ class Chart {
     this.tip.replaceChildren();
     make("div", { text: told.head }, this.tip);
     const table = make("table", { role: "presentation" }, this.tip);
-    const rows = told.rows.slice(0, MOST_ROWS);
-    for (const row of rows) {
+    for (const row of told.rows.slice(0, MOST_ROWS)) {
       const line = make("tr", {}, table);
       const name = make("td", {}, line);
       name.append(this.swatch(row), this.named(row));

@@ -100,9 +100,8 @@
         const size = (row) => (k ? parseFloat(text(row)) : NaN);
         const order = (a, b) => {
           const [x, y] = [size(a), size(b)];
-          if (Number.isNaN(x) || Number.isNaN(y))
-            return Number.isNaN(x) && Number.isNaN(y) ? way * text(a).localeCompare(text(b)) : Number.isNaN(x) ? 1 : -1;
-          return way * (x - y);
+          const last = Number.isNaN(x) - Number.isNaN(y); // rows without a number
+          return last || way * (Number.isNaN(x) ? text(a).localeCompare(text(b)) : x - y);
         };
         showAll();
         rows[0].parentNode.append(...[...rows].sort(order));

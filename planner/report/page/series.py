@@ -72,7 +72,7 @@ def page_data(comparison: Comparison, replays: Mapping[str, Any]) -> dict[str, A
 
 
 def _opening(comparison: Comparison) -> list[str]:
-    """Return the plans' labels in order of preference for the motion that the page shows first."""
+    """Return the plans' labels in order of preference for what the page shows first."""
     take = comparison.recommended
     labels = [] if take is None else [take.label, take.spec.plain.label]
     labels += ["collocation", *(row.label for row in comparison.rows if row.solved)]

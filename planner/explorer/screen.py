@@ -146,8 +146,9 @@ class Screen:
             run = errors(self.outcome)
         except PlannerError as error:
             why = str(error)
-        moves = plan is not None and plan.executable
-        found = sensitivity(plan, SENSITIVITY_STEPS) if plan is not None and moves else None
+        found = None
+        if plan is not None and plan.executable:
+            found = sensitivity(plan, SENSITIVITY_STEPS)
         shown: dict[str, Any] = {"error": error_panel(run), "machine": None, "why": why}
         shown |= {"row": plan_row(plan, found, run), "bars": sensitivity_bars(found)}
         if run is not None and shown["error"]:

@@ -325,7 +325,8 @@ def joint_trajectory(
     """
     names = _names(plan, joint_names)
     _refuse_unfit(plan)
-    times = sample(plan := slowed(plan, slow), rate_hz).t
+    plan = slowed(plan, slow)
+    times = sample(plan, rate_hz).t
     t = np.minimum(times, plan.duration)
     if names == _joints(plan) and joint_names is not None:
         positions = plan.q(t)[:, 1:]

@@ -69,7 +69,7 @@ def departure(
     run = replay(motion, machine, MACHINES)
     noise = machine.mean("encoder_noise_deg", log.theta.shape[1])
     floor = noise + machine.mean("encoder_resolution_deg") / 2
-    floor = floor + ((machine.worth and machine.worth.half_width_deg) or 0.0)
+    floor = floor + told_deg(machine)
     middle, width = band(np.rad2deg(run.q[:, :, 1:]), floor)
     t = log.t - log.start_s(plan) if plan is not None and known else log.t
     both = middle, width
@@ -82,6 +82,11 @@ def departure(
     i = int(np.argmax(np.abs(off[k]) / half[k]))
     is_arm = bool(np.any(np.abs(gap) > half) or np.max(np.abs(gap)) > np.max(np.abs(off)) / 2)
     return Departure(float(log.t[k]), i + 1, float(off[k, i]), is_arm)
+
+
+def told_deg(machine: Machine) -> float:
+    """Return the half width within which an identified machine predicts ends, degrees; else 0."""
+    return (machine.worth and machine.worth.half_width_deg) or 0.0
 
 
 def band(theta: Array, floor: Array | float) -> tuple[Array, Array]:

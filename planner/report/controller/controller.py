@@ -22,7 +22,7 @@ from planner.machine.closed_loop import Controller, Feedback
 from planner.machine.feedback import estimate, programme, tracker
 from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedback.tracker import Tracker, TrackerDesign
-from planner.machine.identification.band import MACHINES, MEAN_S, band
+from planner.machine.identification.band import MACHINES, MEAN_S, band, told_deg
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import replay
 from planner.plan.plan import Plan, refuse_inexecutable
@@ -114,8 +114,8 @@ def _band(plan: Plan, machine: Machine, follower: Tracker) -> dict[str, Array]:
     recorder = Recorder(follower, lambda _, read: read)
     replay(plan, machine, MACHINES, feedback=recorder, record_s=None)
     read = np.array([read[1:] for _, read, _ in recorder.log])
-    told = (machine.worth and machine.worth.half_width_deg) or 0.0
-    middle, half = band(np.moveaxis(read, 2, 0), np.deg2rad(told) + LEAST_SPREAD_RAD)
+    floor = np.deg2rad(told_deg(machine)) + LEAST_SPREAD_RAD
+    middle, half = band(np.moveaxis(read, 2, 0), floor)
     return {"MIDDLE": np.nan_to_num(middle), "BAND": np.nan_to_num(half, nan=FREE)}
 
 

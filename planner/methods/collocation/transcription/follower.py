@@ -14,6 +14,7 @@ the machine's own joint angles, times the share that the friction contacts pass.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,21 +66,29 @@ class Follower:
             way: Integral of both inputs over the interval, (2,).
             smoothing: The angle ε, rad.
         """
-        out = list[Any]()
-        for widths, old in zip(self.widths, self._machines(states), strict=True):
-            n, joints, axes = len(widths), list[Any](), list[Any]()
-            middle = [0.0, *old[:n]]
-            for i, (w, share) in enumerate(zip(widths, self.passing, strict=True)):
-                rates = system.rates_expr(ca.vertcat(*middle), way)
-                axes.append(old[n + i] + share * rates[i + 1])
-                joints.append(axes[i])
-                if w > 0:
-                    near = ca.fmin(smoothing, LARGEST_SHARE * w)
-                    pushed = old[i] - _positive(old[i] - axes[i] - w, near)
-                    joints[i] = pushed + _positive(axes[i] - w - pushed, near)
-                middle[i + 1] = (old[i] + joints[i]) / 2
-            out += [*joints, *axes]
-        return out
+        pairs = zip(self.widths, self._machines(states), strict=True)
+        return [x for w, old in pairs for x in self._step(system, w, old, way, smoothing)]
+
+    def _step(
+        self,
+        system: MovingSystem,
+        widths: Sequence[float],
+        old: list[Any],
+        way: Any,
+        smoothing: Any,
+    ) -> list[Any]:
+        """Return the states of one machine after an interval."""
+        n, joints, axes = len(widths), list[Any](), list[Any]()
+        middle = [0.0, *old[:n]]
+        for i, (w, share) in enumerate(zip(widths, self.passing, strict=True)):
+            axes.append(old[n + i] + share * system.rates_expr(ca.vertcat(*middle), way)[i + 1])
+            joints.append(axes[i])
+            if w > 0:
+                near = ca.fmin(smoothing, LARGEST_SHARE * w)
+                pushed = old[i] - _positive(old[i] - axes[i] - w, near)
+                joints[i] = pushed + _positive(axes[i] - w - pushed, near)
+            middle[i + 1] = (old[i] + joints[i]) / 2
+        return [*joints, *axes]
 
     def end_cost_expr(self, states: Any) -> Any:
         """Return the cost of the ends' spread: the weighted mean square distance, deg², of the
@@ -97,8 +106,7 @@ class Follower:
         return np.vstack([start, steps(start, ways.T).full().T])
 
     def _machines(self, states: Any) -> list[list[Any]]:
-        each = ca.vertsplit(states, 2 * len(self.lead))
-        return [ca.vertsplit(part) for part in each]
+        return [ca.vertsplit(each) for each in ca.vertsplit(states, 2 * len(self.lead))]
 
 
 def _positive(x: Any, near: Any) -> Any:

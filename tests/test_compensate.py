@@ -220,6 +220,17 @@ def test_a_preparation_that_meets_a_post_says_so_and_what_helps(
     assert settings_to_try(better, early)[0] == {"machine.start_state": "forward"}  # it is homed
 
 
+def test_a_post_that_leaves_a_correction_no_room_leads_to_no_wild_motion(
+    paper: planner.Problem,
+) -> None:
+    """The programmes of the search have no solution; OSQP then returns 2143289344."""
+    post = {"centre_m": [1.591, -0.073], "radius_m": 0.1}  # 1 cm below the arm before it moves
+    plan = planner.solve(paper.changed({"obstacles": [post], **COARSE}))
+    made = planner.compensate(plan)
+    assert made.verified
+    assert made.notes["compensation"]["E_deg"] < made.notes["compensation"]["plain_E_deg"] / 3
+
+
 def test_the_fastest_plan_is_slowed_where_its_compensation_is_refused(
     paper: planner.Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:

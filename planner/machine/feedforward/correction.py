@@ -20,6 +20,7 @@ import osqp
 import scipy.sparse as sp
 
 from planner.errors import solver_answer
+from planner.machine.feedback.programme import INFEASIBLE_STATUSES
 from planner.machine.feedforward.shaping import CommandShape
 from planner.machine.feedforward.variants import SAFE, Runs, Variants
 from planner.machine.machine import Machine
@@ -311,4 +312,6 @@ def _minimum(P: sp.csc_matrix, g: Array, A: sp.csc_matrix, low: Array, high: Arr
     none."""
     solver = osqp.OSQP()
     solver.setup(P, g, A, low, high, verbose=False, eps_abs=1e-5, eps_rel=1e-5, max_iter=4000)
-    return np.asarray(osqp_result(solver).x, dtype=float)
+    result = osqp_result(solver)
+    is_infeasible = result.info.status_val in INFEASIBLE_STATUSES  # x is then arbitrary
+    return np.full(len(g), np.nan) if is_infeasible else np.asarray(result.x, dtype=float)

@@ -153,6 +153,7 @@ def headline(
     alike = (r for r in others if by == "end" or r.spec.compensated == row.spec.compensated)
     rival = min(alike, key=lambda r: _figure(r, by), default=None)
     other = plain or rival or min(others, key=lambda r: _figure(r, by))
+    rival = other if _breaks_limits(other) else rival
     reason = f"E {_degrees(row.E_median_deg)} in the median instead of"
     reason += f" {_degrees(other.E_median_deg)} ({other.label}),"
     loses = row.end_median_deg > other.end_median_deg

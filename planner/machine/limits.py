@@ -54,11 +54,12 @@ class MachineLimit:
 
     def __str__(self) -> str:
         angle = self.part.unit == "rad"
-        value, unit = (np.rad2deg(self.worst), "deg") if angle else (self.worst, self.part.unit)
-        shown = f"{value:.3g} {unit}".rstrip()
+        scale, unit = (180 / np.pi, "deg") if angle else (1.0, self.part.unit)
+        most = self.part.high if np.isfinite(self.part.high) else self.part.low
+        value, allowed = (f"{scale * x:.3g} {unit}".rstrip() for x in (self.worst, most))
         return (
-            f"{self.part.label} {shown} at worst (at {self.t_s:.3g} s on machine {self.sample}),"
-            f" broken by {self.broken}"
+            f"{self.part.label} {value} at worst, allowed {allowed} (at {self.t_s:.3g} s on machine"
+            f" {self.sample}), broken by {self.broken}"
         )
 
 

@@ -368,7 +368,7 @@ def _record_times(lead: float, duration: float, settle: float, record: float | N
     `lead` before the start and every `record` seconds."""
     if record is None:
         return merge_times(np.array([0.0, duration, duration + settle]))
-    ends = merge_times(np.array([-lead, 0.0, duration, duration + settle]))
+    ends = merge_times(np.array([0.0 - lead, 0.0, duration, duration + settle]))  # not -0.0
     first, last = np.floor(-lead / record) + 1, np.ceil((duration + settle) / record)
     ticks: Array = np.arange(min(first, 0.0), last, dtype=np.float64) * record
     close, far = ROUNDING * max(1.0, float(ends[-1])), np.ones(len(ticks), dtype=bool)

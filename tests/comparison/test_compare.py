@@ -173,6 +173,9 @@ def test_a_plan_that_breaks_limits_on_many_machines_comes_after_one_that_does_no
     result = replace(compensated, rows=(plain, better, nearer))
     assert result.recommended is better
     assert f"{nearer.label} (E 0.1 deg) breaks a limit on 3.9 % of the machines." in result.headline
+    only = replace(compensated, rows=(plain, nearer)).headline
+    assert only.startswith(f"Take {plain.label}")
+    assert f"{nearer.label} (E 0.1 deg) breaks a limit on 3.9 % of the machines." in only
     less = 0.9 * better.effort
     harmless = replace(nearer, beyond_limits=3.9, beyond_physical=0, effort=less)
     assert replace(compensated, rows=(plain, better, harmless)).recommended is harmless

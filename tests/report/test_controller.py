@@ -15,6 +15,7 @@ from compiled_tracker import LATE, OVER, CompiledTracker, compile_c, compiler
 import planner
 from planner import Machine, Plan, Tracker
 from planner.report.controller.controller import Recorder
+from planner.report.export import slowed
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = 8
@@ -158,6 +159,37 @@ def test_machines_end_as_well_as_with_python(real: str, made: Made) -> None:
     assert found.percentile(50) == pytest.approx(known.percentile(50), rel=0.1)
     ends = [np.median(run.terminal_E_deg) for run in (found, known)]
     assert ends[0] == pytest.approx(ends[1], rel=0.2)
+
+
+class Slow:
+    """Ticks that are ten times as long, and a tenth of the speeds."""
+
+    def __init__(self, feedback: CompiledTracker) -> None:
+        self.feedback = feedback
+
+    def start(self, plan: Plan, machine: Machine, numbers: np.ndarray) -> Slow:
+        control = self.control = self.feedback.start(plan, machine, numbers)
+        times = (control.period_s, control.tick_s, control.lead_s, control.end_s)
+        self.period_s, self.tick_s, self.lead_s, self.end_s = (10 * each for each in times)
+        return self
+
+    @property
+    def fallbacks(self) -> np.ndarray:
+        return self.control.fallbacks
+
+    def __call__(self, t: float, measured: np.ndarray) -> np.ndarray:
+        return self.control(t / 10, measured) / 10
+
+
+def test_a_first_run_is_slow_and_ends_as_near(made: Made) -> None:
+    plan, (_, known) = plan_of("lost"), followed("lost")
+    slow = Slow(compiled(made("lost", "double")))
+    run = planner.replay(slowed(plan, 10), MACHINE, SAMPLES, feedback=slow, record_s=0.2)
+    assert run.t[0] < -30
+    assert not run.fallbacks.any()
+    assert run.percentile(95) < known.percentile(95) + 0.3  # lags differ from what it expects
+    path = made("lost", "double") / "README.md"
+    assert "make each tick ten times as long (100 ms)" in path.read_text("utf-8")
 
 
 def test_it_says_which_joint_leaves_the_band_of_the_machines(made: Made) -> None:

@@ -362,6 +362,7 @@ def _readme(plan: Plan, machine: Machine, design: TrackerDesign, real: str) -> s
         odd=f"{ODD_SHARE[real]:.0%}",
         mean=f"{MEAN_S:g}",
         tick_ms=f"{1000 * clock.tick:g}",
+        slow_ms=f"{10_000 * clock.tick:g}",
         period_ms=f"{1000 * clock.period:g}",
         ticks=clock.ticks,
         latency=clock.latency,

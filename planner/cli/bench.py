@@ -161,10 +161,13 @@ def log(
         "rows": len(recorded.t),
         "duration_s": float(recorded.t[-1]),
         "interval_s": recorded.interval_s,
+        "jitter": recorded.jitter_words or None,
         "written": None,
     }
     rows = [("rows", f"{len(recorded.t)}, every {number(recorded.interval_s)} s")]
     rows.append(("duration", f"{number(float(recorded.t[-1]))} s"))
+    if late := recorded.jitter_words:
+        say(f"warning: {late}", "yellow")
     used = Machine.from_table(task.machine) if machine is None else load_machine(machine)
     if motion is not None and motion.compensation is not None:
         told = motion.compensation.machine

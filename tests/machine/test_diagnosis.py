@@ -139,6 +139,13 @@ def test_a_reading_that_stands_still_is_told(log: Log) -> None:
     assert "theta3 reads exactly the same for 15" in words
 
 
+def test_rows_whose_times_scatter_are_told(log: Log) -> None:
+    late = replace(log, t=log.t + 0.003 * np.random.default_rng(0).random(len(log.t)))
+    left = noise = np.full((1, 3), 0.04)
+    assert [*find_warnings([log], [], left, noise)] == []
+    assert [*find_warnings([late], [], left, noise)] == [late.jitter_words]
+
+
 def test_a_pose_is_of_an_arm_that_rests() -> None:
     t = 0.01 * np.arange(100)
     theta = np.deg2rad(np.column_stack([np.full(100, 5.0), 20.0 - 0 * t]))

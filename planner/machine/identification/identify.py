@@ -421,6 +421,7 @@ def find_warnings(
     logs: Sequence[Log], estimates: Sequence[Estimate], residual: Array, noise: Array
 ) -> Iterator[str]:
     """Yield what the user should know about the logs and the fit, a sentence each."""
+    yield from filter(None, (log.jitter_words for log in logs))
     for log, left, usual in zip(logs, residual, noise, strict=True):
         ratio = left / usual
         if np.max(ratio) > NOISE_RATIO:

@@ -46,6 +46,10 @@ GAP_RATIO = 2.5
 EVEN_SHARE = 0.02
 """Difference from even spacing, as a share of the interval, below which times are made even."""
 
+MOST_JITTER_S = 0.0012
+"""Error of the time between two rows, in a tenth of them, that is reported. Stamps rounded to
+milliseconds give 0.001; commands up to 3 ms late give 0.002."""
+
 JUMP_DEG, MOST_RATE_DEG_S = 20.0, 600.0
 """Largest plausible change of an angle between two rows: the jump plus the rate times the interval.
 The prototype reaches 30 degrees a second."""
@@ -147,6 +151,18 @@ class Log(Frozen):
     def interval_s(self) -> float:
         """Usual (median) time between rows, s."""
         return float(np.median(np.diff(self.t)))
+
+    @property
+    def jitter_words(self) -> str:
+        """A warning if the time between rows scatters; else ""."""
+        late = float(np.percentile(np.abs(np.diff(self.t) - self.interval_s), 90))
+        if late < MOST_JITTER_S:
+            return ""
+        return (
+            f"{self.source}: a tenth of the rows is {1000 * late:.2g} ms or more early or late. If"
+            " commands come so, too, their jumps put ends up to some tenths of a degree off: set"
+            " limits.input_rate_rad_s2"
+        )
 
     @property
     def steps_deg(self) -> Array:

@@ -267,6 +267,12 @@ def test_rounded_times_are_even_and_jitter_stays(tmp_path: Path) -> None:
     assert even.is_even
     assert not uneven.is_even
     np.testing.assert_allclose(uneven.t, jitter, atol=1e-12)
+    assert even.jitter_words == ""
+    assert "b.csv: a tenth of the rows is 1.9 ms or more early or late" in uneven.jitter_words
+    step = np.round(T / 1.2, 3)  # stamps in milliseconds, of 120 readings a second
+    assert read_log(write(tmp_path / "c.csv", HEADER, step, *U.T, *THETA.T)).jitter_words == ""
+    holes = np.arange(len(T)) % 20 != 7  # now and then a row was lost
+    assert replace(LOG, t=T[holes], u=U[holes], theta=THETA[holes]).jitter_words == ""
 
 
 def test_a_log_made_in_python_has_rows_of_numbers() -> None:

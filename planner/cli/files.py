@@ -59,7 +59,8 @@ def export(
             "--slow",
             metavar="FACTOR",
             min=1,
-            help=f"For {fitting('slow')}: the motion takes so many times as long, for a first run.",
+            help=f"For {fitting('slow')}: the motion takes so many times as long, for a first run."
+            " The README of c says how there.",
         ),
     ] = 1.0,
     real: Annotated[
@@ -92,7 +93,7 @@ def export(
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real, slow=slow)
         shown, sends = slowed(motion, slow), FORMATS[name].is_command
         miss = _held_miss(shown, rate) if FORMATS[name].sample_and_hold else {}
-        space = machine_facts(motion, space=True) if sends else (None, "")
+        space = machine_facts(motion, space=True, feedback=name == "c") if sends else (None, "")
     sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}

@@ -77,9 +77,13 @@ def plan(
         typer.Option(
             "--again",
             metavar="PLAN",
-            help="The goal again from the start of this plan (JSON), aimed off by the error at the"
-            " end of its run, which --pose-from names: for an arm that stands there again.",
+            help="The goal again, aimed off by the error at the end of this plan's run (--run),"
+            " from its start or the pose of --pose-from.",
         ),
+    ] = None,
+    run: Annotated[
+        Path | None,
+        typer.Option("--run", metavar="LOG", help="The recorded run (CSV) of the plan of --again."),
     ] = None,
     out: Annotated[Path | None, out_option("FILE", "Save the plan in this JSON file.")] = None,
     figure: Annotated[Path | None, figure_option("Draw the plan's coordinates over time")] = None,
@@ -105,10 +109,11 @@ def plan(
     spec = parse_spec(method)
     task = read_problem(problem, changes, machine)
     pose = None if pose_from is None else read_log(pose_from).pose_deg
-    if again is not None:
-        if pose is None or after is not None:
-            raise InputError("--again needs the run of its plan in --pose-from, and no --after")
-        task = task.again(load_plan(again, strict=True), pose)
+    if again is not None or run is not None:
+        if again is None or run is None or after is not None:
+            raise InputError("--again needs the run of its plan in --run, and no --after")
+        task = task.again(load_plan(again, strict=True), read_log(run).pose_deg)
+        task = task if pose is None else task.from_pose(pose)
     elif after is not None:
         task = task.after(load_plan(after, strict=True), pose)
     elif pose is not None:
@@ -163,7 +168,9 @@ def verify(plan: PlanPath) -> int:
     return finish({**summary, "problem": motion.problem.name, "file": plan}, *parts)
 
 
-def machine_facts(plan: Plan, space: bool = False) -> tuple[dict[str, Any] | None, str]:
+def machine_facts(
+    plan: Plan, space: bool = False, feedback: bool = False
+) -> tuple[dict[str, Any] | None, str]:
     """Return where random machines take an arm and what its links touch, as data and in words.
 
     Return None and "" for other systems, and if no `space` is asked for and the problem has no
@@ -176,7 +183,7 @@ def machine_facts(plan: Plan, space: bool = False) -> tuple[dict[str, Any] | Non
     if not isinstance(arm, PlanarArm) or not (solid or space):
         return None, ""
     record_s = max(RECORD_S, plan.duration / MOST_INSTANTS)
-    run = replay(plan, samples=SPACE_MACHINES, record_s=record_s)
+    run = replay(plan, samples=SPACE_MACHINES, record_s=record_s, feedback=feedback)
     theta = run.q[:, :, 1:]
     ends = {f"theta{i}_deg": np.rad2deg(each) for i, each in enumerate(theta.T, start=1)}
     ends |= dict(zip(("x_m", "y_m"), arm.arm_points(theta).T, strict=True))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -159,6 +163,20 @@ def test_a_first_run_is_slow(run: Callable, tmp_path: Path) -> None:
         planner.export(plan, tmp_path / "a.csv", slow=0.5)
 
 
+def test_where_a_tracker_in_c_takes_the_arm_is_told(run: Callable, tmp_path: Path) -> None:
+    """Its preparation swings joint 1 farther than the plan."""
+    plan = planner.solve(planner.load_problem(PAPER), "collocation", rest=True)
+    plan.save(tmp_path / "a.json")
+    words = ("export", tmp_path / "a.json", "--json", "--out")
+    space = [
+        run(*words, tmp_path / name, *more).json["on_machines"]["space"]["theta1_deg"][1]
+        for name, more in (("a.csv", ()), ("c", ("--format", "c")))
+    ]
+    closed = planner.replay(plan, samples=100, feedback=True, record_s=0.02)
+    assert space[1] == pytest.approx(np.rad2deg(closed.q[:, :, 1].max()), abs=0.1)
+    assert space[1] > space[0] + 20
+
+
 def test_log_has_a_verdict(run: Callable, tmp_path: Path) -> None:
     plan = planner.solve(planner.load_problem(PAPER), "collocation")
     plan.save(tmp_path / "a.json")
@@ -184,12 +202,53 @@ def test_the_goal_again(run: Callable, tmp_path: Path) -> None:
     planner.emulate_log(planner.load_plan(first), "prototype", sample=3).save(log)
     missed = planner.read_log(log).pose_deg - 30
     words = ("plan", PAPER, *free, "--again", first)
-    assert run(*words).status == 2
-    assert run(*words, "--pose-from", log, "--after", first).status == 2
-    made = run(*words, "--pose-from", log, "--out", tmp_path / "again.json")
-    assert made.status == 0
-    ends = np.rad2deg(planner.load_plan(tmp_path / "again.json").q([0.0, 10.0])[:, 1:])
-    assert ends == pytest.approx(np.array([[1.0, 1.0, 1.0], 30 - missed]), abs=1e-5)
+    for wrong in (words, (*words, "--run", log, "--after", first), (*words[:-2], "--run", log)):
+        assert run(*wrong).status == 2
+    moved = planner.read_log(log)
+    moved = replace(moved, theta=moved.theta - np.deg2rad(28)).save(tmp_path / "homed.csv")
+    for start, pose in ((np.ones(3), ()), (2 + missed, ("--pose-from", moved))):
+        made = run(*words, "--run", log, *pose, "--out", tmp_path / "again.json")
+        assert made.status == 0
+        ends = np.rad2deg(planner.load_plan(tmp_path / "again.json").q([0.0, 10.0])[:, 1:])
+        assert ends == pytest.approx(np.array([start, 30 - missed]), abs=1e-5)
+
+
+def in_the_loop_of_the_guide(first: str, folder: Path) -> list[str]:
+    """Start the loop over goals of docs/howto/bench after a first line; return what it prints."""
+    page = (PAPER.parents[1] / "docs/howto/bench.md").read_text("utf-8")
+    loop = re.search(r"^```sh\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)[1]
+    words = ["bash", "-c", f"{first}\n{loop}"]
+    return subprocess.run(words, cwd=folder, check=True, stdout=-1, text=True).stdout.splitlines()
+
+
+def test_the_loop_over_goals_names_each_plan_before(tmp_path: Path) -> None:
+    lines = in_the_loop_of_the_guide("planner() { echo $*; }", tmp_path)
+    befores = ["homing.json --pose-from homed.csv", "goal1.json", "goal2.json"]
+    for k, (line, before) in enumerate(zip(lines, befores, strict=True), start=1):
+        assert f" --after {before} --set " in line
+        assert line.endswith(f" --out goal{k}.json")
+
+
+@pytest.mark.campaign
+def test_goals_are_planned_in_a_loop_of_the_shell(run: Callable, tmp_path: Path) -> None:
+    """As docs/howto/bench tells it, and how far off the arm is that repeats the plans."""
+    assert run("new", tmp_path / "arm.toml").status == 0
+    problem = planner.load_problem(tmp_path / "arm.toml")
+    known = planner.Machine.prototype(step_s=0.005).nominal()
+    table = planner.support.files.toml(known.to_dict())
+    (tmp_path / "my-machine.toml").write_text(f"machine = {table}\n", "utf-8")
+    homing = planner.homing(problem)
+    homing.save(tmp_path / "homing.json")
+    planner.emulate_log(homing, known).save(tmp_path / "homed.csv")
+    in_the_loop_of_the_guide(f"PATH={Path(sys.executable).parent}:$PATH", tmp_path)
+    plans = [planner.load_plan(tmp_path / f"goal{k}.json") for k in (1, 2, 3)]
+    runs, known = list[planner.Replay](), known.with_(start_state="forward")
+    for plan in (*plans, *3 * plans[1:]):
+        runs.append(planner.replay(plan, known, after=runs[-1] if runs else None))
+    off = [each.terminal_E_deg[0] for each in runs]
+    assert max(off[:3]) < 0.02
+    each_pass = np.diff([off[2], *off[4::2]])
+    assert np.all((each_pass > 0.1) & (each_pass < 0.4))
 
 
 def test_wrong_words_are_bad_input(run: Callable, tmp_path: Path) -> None:

@@ -418,7 +418,8 @@ class Problem(Frozen):
                 "to aim off, goal and reading must tell every joint angle", self.source
             )
         start = np.rad2deg(last.problem.start[1:])
-        return self.changed({"goal.theta_deg": (aim - (pose - wanted)).tolist()}).from_pose(start)
+        goal = np.round(aim - (pose - wanted), 6).tolist()
+        return self.changed({"goal.theta_deg": goal}).from_pose(start)
 
     def within_reach(self) -> Problem:
         """Return the problem without the obstacles that no link can reach."""

@@ -187,7 +187,12 @@ def test_log_has_a_verdict(run: Callable, tmp_path: Path) -> None:
     assert (
         run("log", log, *words, "--plan", tmp_path / "a.json", "--json").json["leaves_band"] is None
     )
-    assert run("log", log, *words, "--json").json["leaves_band"] is None
+    seen = run("log", log, *words, "--json").json
+    assert seen["leaves_band"] is seen["jitter"] is None
+    late = planner.read_log(log)
+    late = replace(late, t=late.t + 0.003 * np.random.default_rng(0).random(len(late.t)))
+    shown = run("log", late.save(tmp_path / "late.csv"), *words[:2], "--json")
+    assert shown.json["jitter"] in shown.err
     arm = arm.with_(coulomb_friction_nm=[1.0, 1.0], friction_capacity_nm=False)
     log = planner.emulate_log(plan, arm).save(tmp_path / "a.csv")
     left = run("log", log, *words, "--plan", tmp_path / "a.json", "--json").json["leaves_band"]

@@ -145,7 +145,7 @@ class Log(Frozen):
                 " encoder is too coarse"
             )
         pose = last.mean(axis=0)
-        return np.asarray(pose - 360 * np.round(pose / 360))
+        return np.asarray(np.round(pose - 360 * np.round(pose / 360), 6))
 
     @property
     def interval_s(self) -> float:

@@ -204,7 +204,7 @@ class Worth(Table):
         """Phrase that says so."""
         if self.half_width_deg is None:
             return "an arm may end anywhere: its machine was not tested by a run that reverses"
-        near = f"an arm ends within about {self.half_width_deg:.2g} deg of what is predicted"
+        near = f"an arm mostly ends within {self.half_width_deg:.2g} deg of what is predicted"
         return near + " (the preset predicts it no worse)" * (self.improves is False)
 
 

@@ -41,7 +41,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 SIGN := $(BIN)/python tests/benchmarks/results_pages.py --sign
 
-KERNEL := planner/machine/kernel.c planner/machine/dynamic.c planner/machine/layout.h
+KERNEL := $(wildcard planner/machine/*.c planner/machine/*.h)
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \

@@ -33,14 +33,14 @@ class Build(build_ext):
         return ext.export_symbols
 
 
-SOURCES = ["planner/machine/kernel.c", "planner/machine/dynamic.c"]
-HEADER = "planner/machine/layout.h"
-CHECKSUM = zlib.crc32(b"".join(Path(name).read_bytes() for name in [*SOURCES, HEADER]))
+SOURCES = [f"planner/machine/{name}.c" for name in ("kernel", "wide", "dynamic")]
+HEADERS = [f"planner/machine/{name}.h" for name in ("lanes", "contacts", "chain", "layout")]
+CHECKSUM = zlib.crc32(b"".join(Path(name).read_bytes() for name in SOURCES + HEADERS))
 
 KERNEL = Extension(
     "planner.machine._kernel",
     SOURCES,
-    depends=[HEADER],
+    depends=HEADERS,
     define_macros=[("SOURCE", str(CHECKSUM))],
     py_limited_api=True,
     optional=True,

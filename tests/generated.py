@@ -123,7 +123,7 @@ _LAYOUT = """\
 
 
 def layout() -> str:
-    """The header that kernel.c and dynamic.c include."""
+    """The header that all C files of the replay include."""
     return _LAYOUT + "\n".join(_layout()) + "\n\n#endif\n"
 
 
@@ -168,18 +168,17 @@ def _struct(name: str, fields: Sequence[str]) -> Iterator[str]:
 
 
 def _pointers(name: str, array: str, table: dict[str, tuple[int, int]]) -> Iterator[str]:
-    """A struct that points to the parts of one sample's numbers, and how it is got."""
+    """A struct that points to the parts of the numbers of w machines, each part's number in a row
+    of w; how it is got; and how many numbers a machine has."""
     kind = f"{compiled.ARRAYS[array]} *"
     yield from _struct(name, [f"{kind}{part}; /* {_sum(*size)} */" for part, size in table.items()])
-    yield f"INLINE {name} {name.lower()}(const Model *model, int64_t sample)\n{{"
-    whole = _sum(*(sum(size) for size in zip(*table.values(), strict=True)))
-    yield "    int64_t m = model->joints - 1;"
-    yield f"    {kind}at = model->{array} + sample * ({whole});\n    {name} out;"
+    yield f"INLINE {name} {name.lower()}({kind}at, int64_t m, int64_t w)\n{{\n    {name} out;"
     a, b = 0, 0
     for part, (more, each) in table.items():
-        yield f"    out.{part} = at + {_sum(a, b)};"
+        yield f"    out.{part} = at + ({_sum(a, b)}) * w;"
         a, b = a + more, b + each
     yield "    return out;\n}"
+    yield f"\nINLINE int64_t {name.lower()}_count(int64_t m) {{ return {_sum(a, b)}; }}"
 
 
 def _sum(a: int, b: int) -> str:

@@ -1,8 +1,7 @@
 """The compiled simulation of manipulators: the C files compute the same as `StepwiseMotion`.
 
 The kernel is an optional extension: if the package was installed without a compiler, `library`
-returns None and replays run in NumPy. By measurement (`make bench`, results/benchmarks) it is as
-fast as a loop in C written for a single machine.
+returns None and replays run in NumPy. Without inertia it computes sixteen machines at once.
 """
 
 from __future__ import annotations
@@ -36,9 +35,12 @@ from planner.systems.manipulator import Manipulator
 SAMPLES_A_CALL, STEPS_A_CALL = 32, 2000
 """Samples and steps of one kernel call: few enough to share among threads and to hear Ctrl-C."""
 
+SOURCES = ("kernel.c", "wide.c", "dynamic.c", "lanes.h", "contacts.h", "chain.h", "layout.h")
+"""The C files of the kernel, in the order of setup.py."""
+
 SLOW_WARNING = (
     "planner: the compiled replay is {}, so replays are about ten times slower (50 machines at"
-    " once: 30 times; 1000: 3 times); {}"
+    " once: 50 times; 1000: 6 times); {}"
 )
 """Warning of a replay without the compiled kernel. The factors compare process time, for the
 paper's plan and machine on one thread."""
@@ -48,7 +50,7 @@ VERSION_WARNING = SLOW_WARNING.format(
 )
 
 # -- data shared with C --------------------------------------------------------------------------
-# `make generated` writes layout.h from these tables; kernel.c and dynamic.c include it.
+# `make generated` writes layout.h from these tables; the C files include it.
 
 FLAGS = ("lagging", "second", "limited", "ramped", "geared_1", "geared_2", "lagged", "soft",
          "damped", "creeping", "loaded", "inclined")  # fmt: skip
@@ -186,7 +188,7 @@ def library() -> Any | None:
 def source_checksum(unknown: int) -> int:
     """Return the checksum of the C files in this folder, computed as in setup.py; `unknown` without
     the files, as in a wheel, whose kernel cannot be out of date."""
-    files = [Path(__file__).with_name(n) for n in ("kernel.c", "dynamic.c", "layout.h")]
+    files = [Path(__file__).with_name(name) for name in SOURCES]
     if not all(file.exists() for file in files):
         return unknown
     return zlib.crc32(b"".join(file.read_bytes() for file in files))

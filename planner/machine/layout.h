@@ -81,44 +81,44 @@ typedef struct {
     const double *weights; /* 1 + m */
 } Own;
 
-INLINE Own own(const Model *model, int64_t sample)
+INLINE Own own(const double *at, int64_t m, int64_t w)
 {
-    int64_t m = model->joints - 1;
-    const double *at = model->parameters + sample * (32 + 14 * m);
     Own out;
-    out.control_period_s = at + 0;
-    out.delay_s = at + 1;
-    out.velocity_resolution_rad_s = at + 2;
-    out.input_gain_error = at + 4;
-    out.input_bias_rad_s = at + 6;
-    out.velocity_limit_rad_s = at + 8;
-    out.acceleration_limit_rad_s2 = at + 10;
-    out.servo_bandwidth_rad_s = at + 12;
-    out.servo_damping = at + 14;
-    out.creep = at + 16;
-    out.creep_per_nm = at + 17;
-    out.lateral_friction = at + 18;
-    out.friction_capacity_nm = at + 19;
-    out.gear_ratio_error = at + 20;
-    out.gearhead_backlash_deg = at + 20 + m;
-    out.backlash_deg = at + 22 + m;
-    out.initial_play = at + 22 + 2 * m;
-    out.shaft_stiffness_nm_per_rad = at + 22 + 3 * m;
-    out.coulomb_friction_nm = at + 22 + 4 * m;
-    out.viscous_friction_nms_per_rad = at + 22 + 5 * m;
-    out.incline_deg = at + 22 + 6 * m;
-    out.link_moment_kgm = at + 23 + 6 * m;
-    out.initial_angle_error_deg = at + 24 + 7 * m;
-    out.encoder_noise_deg = at + 25 + 8 * m;
-    out.encoder_resolution_deg = at + 26 + 9 * m;
-    out.gain = at + 27 + 10 * m;
-    out.gearhead_half = at + 29 + 10 * m;
-    out.k = at + 31 + 10 * m;
-    out.half_gap = at + 31 + 11 * m;
-    out.rest = at + 31 + 12 * m;
-    out.weights = at + 31 + 13 * m;
+    out.control_period_s = at + (0) * w;
+    out.delay_s = at + (1) * w;
+    out.velocity_resolution_rad_s = at + (2) * w;
+    out.input_gain_error = at + (4) * w;
+    out.input_bias_rad_s = at + (6) * w;
+    out.velocity_limit_rad_s = at + (8) * w;
+    out.acceleration_limit_rad_s2 = at + (10) * w;
+    out.servo_bandwidth_rad_s = at + (12) * w;
+    out.servo_damping = at + (14) * w;
+    out.creep = at + (16) * w;
+    out.creep_per_nm = at + (17) * w;
+    out.lateral_friction = at + (18) * w;
+    out.friction_capacity_nm = at + (19) * w;
+    out.gear_ratio_error = at + (20) * w;
+    out.gearhead_backlash_deg = at + (20 + m) * w;
+    out.backlash_deg = at + (22 + m) * w;
+    out.initial_play = at + (22 + 2 * m) * w;
+    out.shaft_stiffness_nm_per_rad = at + (22 + 3 * m) * w;
+    out.coulomb_friction_nm = at + (22 + 4 * m) * w;
+    out.viscous_friction_nms_per_rad = at + (22 + 5 * m) * w;
+    out.incline_deg = at + (22 + 6 * m) * w;
+    out.link_moment_kgm = at + (23 + 6 * m) * w;
+    out.initial_angle_error_deg = at + (24 + 7 * m) * w;
+    out.encoder_noise_deg = at + (25 + 8 * m) * w;
+    out.encoder_resolution_deg = at + (26 + 9 * m) * w;
+    out.gain = at + (27 + 10 * m) * w;
+    out.gearhead_half = at + (29 + 10 * m) * w;
+    out.k = at + (31 + 10 * m) * w;
+    out.half_gap = at + (31 + 11 * m) * w;
+    out.rest = at + (31 + 12 * m) * w;
+    out.weights = at + (31 + 13 * m) * w;
     return out;
 }
+
+INLINE int64_t own_count(int64_t m) { return 32 + 14 * m; }
 
 typedef struct {
     double *speed; /* 2 */
@@ -133,23 +133,23 @@ typedef struct {
     double *gap; /* 1 + m */
 } Held;
 
-INLINE Held held(const Model *model, int64_t sample)
+INLINE Held held(double *at, int64_t m, int64_t w)
 {
-    int64_t m = model->joints - 1;
-    double *at = model->state + sample * (16 + 4 * m);
     Held out;
-    out.speed = at + 0;
-    out.slope = at + 2;
-    out.saturated = at + 4;
-    out.slip = at + 6;
-    out.disk = at + 9;
-    out.first = at + 11;
-    out.theta = at + 12;
-    out.axis = at + 13 + m;
-    out.wound = at + 14 + 2 * m;
-    out.gap = at + 15 + 3 * m;
+    out.speed = at + (0) * w;
+    out.slope = at + (2) * w;
+    out.saturated = at + (4) * w;
+    out.slip = at + (6) * w;
+    out.disk = at + (9) * w;
+    out.first = at + (11) * w;
+    out.theta = at + (12) * w;
+    out.axis = at + (13 + m) * w;
+    out.wound = at + (14 + 2 * m) * w;
+    out.gap = at + (15 + 3 * m) * w;
     return out;
 }
+
+INLINE int64_t held_count(int64_t m) { return 16 + 4 * m; }
 
 typedef struct {
     double *y; /* 16 + 7 * m */
@@ -160,19 +160,19 @@ typedef struct {
     double *last; /* 1 */
 } Moving;
 
-INLINE Moving moving(const Model *model, int64_t sample)
+INLINE Moving moving(double *at, int64_t m, int64_t w)
 {
-    int64_t m = model->joints - 1;
-    double *at = model->moving + sample * (27 + 14 * m);
     Moving out;
-    out.y = at + 0;
-    out.pieces = at + 16 + 7 * m;
-    out.gained = at + 22 + 12 * m;
-    out.energy = at + 23 + 14 * m;
-    out.slipping = at + 25 + 14 * m;
-    out.last = at + 26 + 14 * m;
+    out.y = at + (0) * w;
+    out.pieces = at + (16 + 7 * m) * w;
+    out.gained = at + (22 + 12 * m) * w;
+    out.energy = at + (23 + 14 * m) * w;
+    out.slipping = at + (25 + 14 * m) * w;
+    out.last = at + (26 + 14 * m) * w;
     return out;
 }
+
+INLINE int64_t moving_count(int64_t m) { return 27 + 14 * m; }
 
 typedef struct {
     double inertia[52];

@@ -65,7 +65,7 @@ class Recording:
 
     A new quantity over time that follows from these and `draws` is a property of `Replay`, as
     `measured`. Any other is a field: `_blank` makes it, both motions record it (`MachineMotion`;
-    for C also `ARRAYS` of compiled.py and `record` in kernel.c), `_keep` stores it for the first
+    for C also `ARRAYS` of compiled.py and `record` in chain.h), `_keep` stores it for the first
     samples only, and `_row_bytes` counts it. `Replay.motion` makes the motions that are not kept.
     """
 

@@ -1,7 +1,7 @@
 """Simulate S samples step by step in NumPy, for any plant.
 
 `StepwiseMotion` records coordinates and motor speeds at the times asked for, and over all steps the
-largest deviations, saturation and gross slip, as `kernel.c` and `dynamic.c` do.
+largest deviations, saturation and gross slip, as the C files do.
 
 A plant is a system driven by the motor speeds directly (`KinematicPlant`), the quasi-static
 manipulator (`DiskChain`), or the manipulator with inertia (`DynamicChain`), which has two masses

@@ -14,7 +14,7 @@ from handmade import arm_problem, smooth_plan_of
 from planner import Plan, Problem
 from planner.machine import compiled
 
-SOURCES = [str(Path(compiled.__file__).with_name(f"{n}.c")) for n in ("kernel", "dynamic")]
+SOURCES = [str(Path(compiled.__file__).with_name(n)) for n in compiled.SOURCES if n.endswith(".c")]
 
 
 @pytest.fixture(scope="session")

@@ -10,13 +10,14 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import signal
 import sqlite3
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from planner.comparison.rows import EARLIER_NAMES
 from planner.errors import InputError
@@ -70,6 +71,21 @@ CREATE TABLE IF NOT EXISTS claims (key TEXT PRIMARY KEY, client TEXT NOT NULL) W
 _FORMAT = "planner-sweep"
 
 
+def _end_process(_signal: int) -> None:
+    """Tell in one line that the index of the log (-shm) of the last opened file cannot be written.
+
+    SQLite has the index in its memory and writes to it without a check: where it has become
+    read-only (`chattr +i`, a file system with errors), the system sends SIGBUS. The write cannot be
+    undone, so that nothing else can go on.
+    """
+    says = f"planner: cannot use the database {Store._last_path}: its index is read-only now\n"
+    os.write(2, says.encode())
+    os._exit(2)
+
+
+_BUS_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_int)(_end_process)
+
+
 class Store:
     """An open database file of sweeps; use it in a `with` block.
 
@@ -82,9 +98,10 @@ class Store:
             schema version.
     """
 
+    _last_path: ClassVar[Path]
+
     def __init__(self, path: str | Path, create: bool = False) -> None:
         self.path = expect_path(path)
-        self._index, self._is_writable = Path(f"{self.path}-shm"), False
         if create:
             refuse_unwritable(path)
         new = not os.path.exists(path)
@@ -97,12 +114,14 @@ class Store:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
             self.db = sqlite3.connect(self.path, timeout=LOCK_WAIT_S, isolation_level=None)
             self._file = os.stat(self.path)
+            Store._last_path = self.path
+            if hasattr(signal, "SIGBUS"):  # not on Windows
+                ctypes.CDLL(None).signal(signal.SIGBUS, _BUS_HANDLER)
         if create:
             written_paths.append(self.path)  # an interruption message names this file
         try:
             with self.explain_errors():
                 self._prepare(create)
-            self._is_writable = os.access(self._index, os.W_OK)
         except BaseException:
             empty = new and self._is_empty()
             self.db.close()
@@ -115,10 +134,7 @@ class Store:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._is_frozen():  # closing writes, too: keep it open until the process ends
-            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.db))
-        else:
-            self.db.close()
+        self.db.close()
 
     def _prepare(self, create: bool) -> None:
         (tables,) = self.db.execute("SELECT count(*) FROM sqlite_master").fetchone()
@@ -220,22 +236,9 @@ class Store:
                     self.db.execute("ROLLBACK")
                 raise
 
-    def _is_frozen(self) -> bool:
-        """Return whether the index of the log (-shm), once writable, has become read-only.
-
-        SQLite has the index in its memory, without a check: the first write to it would then kill
-        the process with the signal SIGBUS, as after `chattr +i`.
-        """
-        return self._is_writable and not os.access(self._index, os.W_OK)
-
     @contextmanager
     def explain_errors(self) -> Iterator[None]:
-        """Convert errors of SQLite into an `InputError` that names the file.
-
-        A database that has become read-only is refused first.
-        """
-        if self._is_frozen():
-            raise InputError(f"cannot use the database {self.path}: {self._index} is read-only now")
+        """Convert errors of SQLite into an `InputError` that names the file."""
         try:
             yield
         except (sqlite3.Error, UnicodeDecodeError, OSError) as error:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from planner.errors import Violation
 from planner.support.arrays import Array, Frozen
 from planner.support.tables import Column, html_table
 
@@ -103,6 +104,11 @@ class Certificate(Frozen):
         """Labels of requirements that are undecided: `verify` samples them, nothing proves them."""
         return tuple(c.label for c in self.open if c.status == "undecided")
 
+    def turned(self, seconds: float) -> Certificate:
+        """Return the certificate of the same motion of this duration, run backwards."""
+        claims = turned(self.claims, seconds)
+        return replace(self, claims=claims, edges=seconds - self.edges[::-1])
+
     def __getitem__(self, label: str) -> Claim:
         for claim in self.claims:
             if claim.label == label:
@@ -147,6 +153,15 @@ class Certificate(Frozen):
             "cells": self.cells,
             "seconds": self.seconds,
         }
+
+
+Timed = TypeVar("Timed", Claim, Violation)
+
+
+def turned(each: Sequence[Timed], seconds: float) -> tuple[Timed, ...]:
+    """Return claims or violations of the same motion of this duration, run backwards."""
+    times = (None if one.time_s is None else seconds - one.time_s for one in each)
+    return tuple(replace(one, time_s=time_s) for one, time_s in zip(each, times, strict=True))
 
 
 MOST_LABELS = 3

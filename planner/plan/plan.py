@@ -27,6 +27,7 @@ from planner.plan.measures import (
     path_length,
     peak_inputs,
 )
+from planner.plan.quadrature import growth
 from planner.plan.trajectory import Trajectory
 from planner.problem.problem import Problem
 from planner.problem.tables.machine_effects import Worth
@@ -45,6 +46,10 @@ COPIED = ("method", "options", "status", "objective", "solve_time_s",
 
 COMPENSATED = "compensated"
 """Suffix of the method's name for a plan compensated for the machine."""
+
+LEAST_GROWTH = 1.0
+"""Least growth of a volume of states, as a logarithm, along a motion that is called unstable. Below
+it the motion may be integrated in either direction."""
 
 ROUNDING = 1e-9
 """Tolerance for times outside a plan, relative to the duration, or to 1 s if that is longer. The
@@ -175,7 +180,33 @@ class Plan(Frozen):
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         said_of = [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
         belief = [self.worth.words] if self.compensation is not None and self.worth else []
-        return [*belief, *said_of, *[self.jump_words] * bool(self.jump_words)]
+        unstable = ["unstable in open loop: errors grow, so drive it with feedback"]
+        jumps = [self.jump_words] * bool(self.jump_words)
+        return [*belief, *said_of, *jumps, *unstable * self.unstable]
+
+    @cached_property
+    def _growth(self) -> tuple[float, float]:
+        if self.compensation is not None or self.trajectory.flaw:
+            return 0.0, 0.0
+        with np.errstate(all="ignore"):
+            return growth(self.trajectory)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether errors grow on the way and last until the goal, as when trailers are backed: then
+        the inputs alone do not lead a vehicle to the goal, and it needs feedback."""
+        return self._growth[1] > LEAST_GROWTH
+
+    @cached_property
+    def backwards(self) -> Plan | None:
+        """The motion run backwards, as a plan of the problem with start and goal exchanged, if
+        errors shrink in that direction; else None, also if the problem cannot be exchanged."""
+        problem = self.problem.exchanged() if self._growth[0] > LEAST_GROWTH else None
+        return None if problem is None else self.exchanged(problem)
+
+    def exchanged(self, problem: Problem) -> Plan:
+        """Return the motion run backwards as a plan of `problem`, which exchanges the ends."""
+        return replace(self, problem=problem, trajectory=self.trajectory.slowed(-1.0))
 
     @property
     def jump_words(self) -> str:

@@ -83,6 +83,10 @@ SWEEP_TOLERANCE = 1e-14
 """Change of q at which fixed-point sweeps end, as a share of q's size, or of one if that is larger:
 a few rounding units."""
 
+LOST = 1.0
+"""Change of q in a sweep, rad or m, above which sweeps that do not converge have lost the motion:
+those without correction do where q grows or shrinks by a large factor."""
+
 MOST_SWEEPS = 60
 """Largest number of sweeps with Newton's correction. If each rate reads only earlier coordinates, N
 + 1 sweeps without correction suffice."""
@@ -326,13 +330,15 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
     The sweeps converge if rates read only earlier coordinates. If a rate reads its own or a later
     coordinate, Newton's method then corrects q at the start of each cell.
     """
-    change = np.inf
+    guess, change = q, np.inf
     for _ in range(system.size + 1):
         deadline.check_stopped()
         new = _integral(start, width, system.rates(q, u))
         change, q = float(np.max(np.abs(new - q))), new
         if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
             return q
+    if not change < LOST:
+        q, change = guess, np.inf
     growth = apply(integration(POINTS), _jacobian(system, q, u)) * width[..., None]
     transition = growth[-1] + np.eye(system.size)
     for _ in range(MOST_SWEEPS):
@@ -345,8 +351,9 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
         for c in range(1, len(shift)):
             shift[c] = miss[c - 1] + transition[c - 1] @ shift[c - 1]
         new = q[0] + integrals + shift + (growth @ shift[..., None])[..., 0]
-        change, q = float(np.max(np.abs(new - q))), new
-        if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
+        before, change, q = change, float(np.max(np.abs(new - q))), new
+        small = SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q))))
+        if not change > small or change > max(LOST, before):
             return q
     return q
 
@@ -359,6 +366,21 @@ def _jacobian(system: TriangularSystem, q: Array, u: Array) -> Array:
     u = np.broadcast_to(u[..., None, :], (*nudged.shape[:-1], 2))
     columns = (system.rates(nudged, u) - system.rates(back, u)) / (2 * step)
     return np.asarray(np.swapaxes(columns, -1, -2))
+
+
+def growth(trajectory: Trajectory) -> tuple[float, float]:
+    """Return the logarithms of the factors by which a volume of states grows along a motion: from
+    start to goal, and from the worst place to the goal.
+
+    They are integrals of the trace of ∂q̇/∂q (Liouville's formula), which is zero for arms, cars
+    and other systems whose rates read only earlier coordinates, negative where trailers are pulled,
+    and positive where they are backed. NaN if inputs or rates are not finite.
+    """
+    cells = Cells.of(trajectory.breaks)
+    q, u = trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))
+    trace = np.trace(_jacobian(trajectory.system, q, u), axis1=-2, axis2=-1)
+    grown = np.append(0.0, np.cumsum(apply(integration(POINTS)[-1:], trace)[0] * cells.width))
+    return float(grown[-1]), float(grown[-1] - np.min(grown))
 
 
 def greatest(cells: Cells, values: Array) -> tuple[Array, Array]:

@@ -178,7 +178,13 @@ class RetimedTrajectory(Trajectory):
 
     def slowed(self, factor: float) -> RetimedTrajectory:
         """Return the same path with a motion that takes `factor` times as long."""
-        return RetimedTrajectory(self.path, self.length, self.clock.slowed(factor), self.stations)
+        length, clock = self.length, self.clock.slowed(factor)
+        if factor > 0:
+            return RetimedTrajectory(self.path, length, clock, self.stations)
+        left, end = length.slowed(-1.0), length.c[-1, -1]
+        length, clock = Bernstein(end - left.c, left.x), Bernstein(end - clock.c, clock.x)
+        stations = self.stations[-1] - self.stations[::-1]
+        return RetimedTrajectory(self.path.slowed(-1.0), length, clock, stations)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the trajectory as JSON-ready data."""

@@ -87,7 +87,10 @@ class Trajectory(Frozen, ABC):
 
     @abstractmethod
     def slowed(self, factor: float) -> Trajectory:
-        """Return the same path with a motion that takes `factor` times as long."""
+        """Return the same path with a motion that takes `factor` times as long.
+
+        −1 runs the motion backwards, from its end to its start.
+        """
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -133,6 +133,7 @@ class Problem(Frozen):
     path_key: tuple[str, float]
     heading_turn: str
     _data: Mapping[str, Any]
+    _ends: tuple[str, str] = ("start", "goal")  # their names in messages
     _hint: Array | None = None  # expected q(T) for a search, if the goal leaves joints free
 
     @classmethod
@@ -421,6 +422,22 @@ class Problem(Frozen):
         goal = np.round(aim - (pose - wanted), 6).tolist()
         return self.changed({"goal.theta_deg": goal}).from_pose(start)
 
+    def exchanged(self) -> Problem | None:
+        """Return the problem that leads from the goal to the start.
+
+        The systems are driftless, so each motion of one of the two, run backwards with the signs of
+        its inputs changed, is a motion of the other. The result is None if the goal leaves a
+        coordinate free, or a limit that is not built in reads inputs, whose sign may matter.
+        """
+        limits = (*self.kind_limits, *self.registered_limits)
+        signed = any(each.final or each.reads != {"q"} for each in limits)
+        if signed or self.tip or self.system.has_user_coordinates or np.isnan(self.goal).any():
+            return None
+        total = self.duration or 0.0
+        passed = (replace(w, time_s=w.time_s and total - w.time_s) for w in self.waypoints[::-1])
+        ends: Any = {"start": self.goal, "user_goal": self.start, "_ends": self._ends[::-1]}
+        return replace(self, **ends, waypoints=tuple(passed), _data={"exchanged": self._data})
+
     def within_reach(self) -> Problem:
         """Return the problem without the obstacles that no link can reach."""
         near = tuple(d for d in self.obstacles if d.values_out_of_reach(self.system) is None)
@@ -479,8 +496,8 @@ class Problem(Frozen):
         beside[list(system.shared)] = np.inf  # JointLimit covers these
         inner = set(range(system.size)) - set(system.shared.values())
         demands: list[Demand] = [
-            Start(),
-            Goal(system.coordinates, tuple(sorted({*self.free, *inner}))),
+            Start(self._ends[0]),
+            Goal(system.coordinates, tuple(sorted({*self.free, *inner})), self._ends[1]),
             self._goal_beside(np.flatnonzero(~np.isnan(self.user_goal)).tolist()),
         ]
         if self.tip is not None:

@@ -55,7 +55,7 @@ def properties(motion: Plan, summary: Mapping[str, Any], machine_file: Path | No
         yield f"peak |{c.name}|", peak_text + allowed
     nominal = ", on the nominal machine" if "compensation" in notes else ""
     error = _worst_error(problem, summary["terminal_error"])
-    yield "largest error at the goal", f"{error}{nominal}"
+    yield "largest error at the ends", f"{error}{nominal}"
     if angles := notes.get("goal_theta_deg"):
         yield "joints at the goal", f"({', '.join(map(number, angles))}) deg"
     margin = f"smallest margin {number(summary['domain_margin'])}"

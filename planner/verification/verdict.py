@@ -29,7 +29,8 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
     Requirements that the certificate leaves undecided are checked again on the cells of the proof,
     which are finest where the motion's expressions change fast; the certificate names them as only
     sampled. A plan of which nothing can be proven is refused. The original of a compensated plan is
-    judged too.
+    judged too. A motion along which errors grow is judged from the goal to the start, as a motion
+    of the exchanged problem.
 
     Args:
         plan: Any plan; its own fields `verified` and `certificate` are ignored.
@@ -39,7 +40,16 @@ def judge(plan: Plan, certificate: Certificate | None = None) -> tuple[Plan, Che
         The plan, marked as verified and with its certificate if it passes; and the check, whose
         violations include those that `certify` proves.
     """
-    plan = replace(plan, verified=False, certificate=None)
+    plan, seconds = replace(plan, verified=False, certificate=None), plan.duration
+    if (other := plan.backwards) is None:
+        return _judge(plan, certificate)
+    other, check = _judge(other, certificate and certificate.turned(seconds))
+    proven = other.certificate and other.certificate.turned(seconds)
+    return replace(plan, verified=check.ok, certificate=proven), check.turned(seconds)
+
+
+def _judge(plan: Plan, certificate: Certificate | None) -> tuple[Plan, Check]:
+    """Judge a plan from its start to its goal, see `judge`."""
     if plan.compensation is not None:
         inside, check = judge(plan.compensation.plan)
         plan = replace(plan, compensation=replace(plan.compensation, plan=inside))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.errors import Violation
+from planner.plan.claims import turned
 from planner.plan.curves import Cells
 from planner.plan.plan import ROUNDING, Plan, expect_plan
 from planner.plan.quadrature import (
@@ -71,14 +72,15 @@ class Check(Frozen):
     Attributes:
         ok: Whether the motion reaches the goal and keeps every limit.
         terminal_error: Integrated end minus goal, in user coordinates, shape (N,), in their units;
-            zero for coordinates that the goal leaves free.
+            zero for coordinates that the goal leaves free. If errors grow along the motion, it is
+            integrated from the goal backwards, and this is integrated start minus start.
         terminal_error_deg: The entries of `terminal_error` that are angles, in degrees; if the user
             coordinates are the triangular ones, without the path coordinate q₁.
         margins: Margin of each requirement (negative: broken), in its own unit.
         violations: Broken requirements, the worst first.
         interpolant_error: Largest |plan.q(t) − integrated q(t)|, in the coordinates' units.
         integration_error: Estimated error of the integration, in the coordinates' units; NaN if
-            nothing was integrated.
+            nothing was integrated, infinite if the motion is lost: then margins are those of q(t).
         units: Unit of each margin.
         jumps: `Plan.jump_words`: which inputs jump at an end although their rates are limited.
     """
@@ -93,11 +95,15 @@ class Check(Frozen):
     units: Mapping[str, str] = field(default_factory=dict)
     jumps: str = ""
 
+    def turned(self, seconds: float) -> Check:
+        """Return the check of the same motion of this duration, run backwards."""
+        return replace(self, violations=turned(self.violations, seconds))
+
     def __repr__(self) -> str:
         if self.ok:
             worst = np.max(np.abs(self.terminal_error), initial=0.0)
             jumps = f", {self.jumps}" if self.jumps else ""
-            return f"Check(ok, largest error at the goal {worst:.2g} rad or m{jumps})"
+            return f"Check(ok, largest error at the ends {worst:.2g} rad or m{jumps})"
         return "Check(broken: " + "; ".join(map(str, self.violations)) + ")"
 
     def _repr_html_(self) -> str:
@@ -144,7 +150,9 @@ def verify(plan: Plan) -> Check:
     Returns:
         The result; `ok` is False for a plan that cannot be executed.
     """
-    return examine(plan)[0]
+    expect_plan(plan)
+    other = None if _flaw(plan) else plan.backwards
+    return examine(other)[0].turned(plan.duration) if other else examine(plan)[0]
 
 
 def examine(
@@ -181,6 +189,10 @@ def examine(
             cells = None if times is None else Cells.between(plan.t, times, FINEST_SHARE)
             needed = plan.trajectory, problem.start, INTEGRATION_TOLERANCE, *resolved
             motion = integrate(*needed, system=problem.system, cells=cells)
+            if motion.error > INTERPOLANT_TOLERANCE:  # lost: the plan's own q(t) tells more
+                cells = motion.cells
+                q = plan.trajectory.piece_values(cells.piece, cells.fractions(points(POINTS)))[0]
+                motion = replace(motion, q=q, error=np.inf, gap=(0.0, 0.0))
             end, tolerance = motion.q[-1, -1], GOAL_TOLERANCE
         else:
             motion, end, machine_error = _motion_on_machine(plan)
@@ -349,10 +361,15 @@ def _motion_findings(
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)
             yield _Finding(part, amount, 0.0, when, LIMIT_TOLERANCE)
-        limit = INTEGRATION_TOLERANCE
-        doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
-        part = Part(f"integration error{doubt}", "", -np.inf, limit, limit)
-        yield _Finding(part, motion.error, limit, None, 0.0)
+        yield _integration_finding(plan, motion.error)
+
+
+def _integration_finding(plan: Plan, error: float) -> _Finding:
+    limit, lost = INTEGRATION_TOLERANCE, error == np.inf
+    doubt = "" if error <= limit else " (the motion cannot be trusted)"
+    cause = ": errors grow on the way, as where trailers are pushed" * (lost and plan.unstable)
+    part = Part(f"integration error{doubt}{cause}", "", -np.inf, limit, limit)
+    return _Finding(part, error, np.nan if lost else limit, None, 0.0)
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:

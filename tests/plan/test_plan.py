@@ -88,7 +88,7 @@ def test_plans_problems_and_checks_are_short_in_a_notebook(paper: planner.Proble
     head, objective, name = str(plan).splitlines()
     assert (head, name) == (repr(plan), f"  of {paper.name}")
     assert objective == f"  objective {plan.objective:.4g}, {plan.objective_name}"
-    assert repr(planner.verify(plan)).startswith("Check(ok, largest error at the goal ")
+    assert repr(planner.verify(plan)).startswith("Check(ok, largest error at the ends ")
     with pytest.raises(planner.VerificationError) as refused:
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
     assert "not verified, status verification_failed" in repr(refused.value.plan)

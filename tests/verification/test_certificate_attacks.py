@@ -189,7 +189,6 @@ def test_what_has_no_form_cannot_be_made(
         lambda: _with(law, v_curve=halves),
         lambda: _with(law, branch=np.ones(2)),
         lambda: _with(retimed, stations=stations),
-        lambda: replace(optimal, trajectory=optimal.trajectory.slowed(-1.0)),
         lambda: replace(optimal, trajectory=optimal.trajectory.slowed(float("nan"))),
     ):
         with pytest.raises(ValueError, match=r"must|one station for each"):

@@ -39,6 +39,7 @@ from planner.problem.problem import Problem
 from planner.problem.tables.method_options import CollocationOptions
 from planner.support import deadline, progress
 from planner.support.deadline import Span, TimeUpError, time_advice
+from planner.systems.vehicles import Trailers
 from planner.verification.verify import verify
 
 CUT_SHORT = "ended the search; this is the best motion found so far"
@@ -147,8 +148,13 @@ def _plan_from(
 ) -> Plan:
     """Plan for discs as they are, from first guesses or from the plan `warm`.
 
-    The search adds its record to `records`; for `stages` see `Pipeline`.
+    The search adds its record to `records`; for `stages` see `Pipeline`. A motion that backs
+    trailers is planned from the goal to the start: the other way no simulation follows it.
     """
+    if _lies_behind(problem) and (other := problem.exchanged()):
+        with suppress(NoPlanError):
+            turned = warm and warm.backwards
+            return _plan_from(other, options, turned, records).exchanged(problem)
     reached = problem.within_reach()
     ways = routes(reached)
     if not ways:
@@ -171,6 +177,14 @@ def _plan_from(
         notes = {"stage": candidate.stage, "tried": record.log}
         plan = plan_of(problem, candidate, notes, options)
         return mark_cut_short(plan, span, CUT_SHORT) if span.was_reached else plan
+
+
+def _lies_behind(problem: Problem) -> bool:
+    """Return whether trailers must be backed to the goal, seen from the headings at both ends."""
+    if not isinstance(problem.system, Trailers):
+        return False
+    x, y, heading = np.array([problem.start, problem.goal])[:, [0, -1, -2]].T
+    return bool(np.diff(x) * np.sum(np.cos(heading)) + np.diff(y) * np.sum(np.sin(heading)) < 0)
 
 
 def _finish_best(

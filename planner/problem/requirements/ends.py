@@ -22,12 +22,18 @@ from planner.systems.triangular_system import Coordinate, arm_points_expr
 
 @dataclass(frozen=True)
 class Start(Demand):
-    """The motion begins at the start."""
+    """The motion begins at the start.
+
+    Attributes:
+        name: Name of the place in messages.
+    """
+
+    name: str = "start"
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part: the largest error of a coordinate at the start."""
-        return (Part("start", "", -np.inf, 0.0, 1.0),)
+        return (Part(self.name, "", -np.inf, 0.0, 1.0),)
 
 
 @dataclass(frozen=True)
@@ -37,17 +43,19 @@ class Goal(Demand):
     Attributes:
         coordinates: The coordinates.
         free: Indices of coordinates that the goal leaves free.
+        name: Name of the place in messages.
     """
 
     coordinates: tuple[Coordinate, ...]
     free: tuple[int, ...] = ()
+    name: str = "goal"
     at_goal = True
 
     @property
     def parts(self) -> tuple[Part, ...]:
         """One part per coordinate that the goal gives: the coordinate's error."""
         pairs = [(i, c) for i, c in enumerate(self.coordinates) if i not in self.free]
-        return tuple(Part(f"goal {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in pairs)
+        return tuple(Part(f"{self.name} {c.name}", c.unit, -np.inf, 0.0, 1.0, i) for i, c in pairs)
 
 
 @dataclass(frozen=True)

@@ -128,7 +128,12 @@ class Bernstein(Frozen):
         return self._width.reshape(-1, *[1] * (self.c.ndim - 2))
 
     def slowed(self, factor: float, gain: float = 1.0) -> Bernstein:
-        """Return the curve stretched in time by `factor`, with values multiplied by `gain`."""
+        """Return the curve stretched in time by `factor`, with values multiplied by `gain`.
+
+        A negative factor also runs it backwards.
+        """
+        if factor < 0:
+            return Bernstein(self.c[::-1, ::-1] * gain, (self.x[::-1] - self.x[-1]) * factor)
         return Bernstein(self.c * gain, self.x * factor)
 
     def to_dict(self) -> dict[str, Any]:

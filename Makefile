@@ -16,6 +16,7 @@
 #   make identification  machines from logs, home to end, to results/identification (half an hour)
 #   make truths    arms outside the model, home to end, to results/truths (ten minutes; continues)
 #   make map       a map of the goals that each method reaches from one start, to results/map (10 minutes)
+#   make peers     examples of other projects beside ours (installs them from PyPI), to results/peers (a minute)
 #   make singular  what the limit on z2 does near the singularity, to results/singular (a minute)
 #   make report    pictures of the report's page (needs Chromium), to results/report
 #   make explorer  pictures of the explorer in a browser (needs Chromium), to results/explorer
@@ -45,7 +46,7 @@ KERNEL := $(wildcard planner/machine/*.c planner/machine/*.h)
 
 .DEFAULT_GOAL := compare
 .PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
-  identification truths map singular report explorer gallery results-check notebook docs test \
+  identification truths map peers singular report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
@@ -113,6 +114,10 @@ truths: $(VENV)/.run
 map: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/goal_map.py
 	@$(SIGN) map
+
+peers: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/peers.py
+	@$(SIGN) peers
 
 singular: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/singular.py

@@ -5,6 +5,11 @@ b' = 2 d²s/dt². Inputs and rates are |wᵢ| √b and |wᵢ' b + wᵢ b'/2|; th
 the time ∫ ds/√b is convex in b. So with b linear between nodes the program has one optimum
 (Verscheure et al., IEEE Trans. Automatic Control 54(10), 2009, for robot arms).
 
+A backward and a forward pass over the nodes, as toppra's, would take 0.4 of the programs' time, a
+sixth of what `retime` takes. On plans of our methods it gives the same clock; on 120 random paths
+it is 2e-6 slower in the median and 1e-4 at most with 400 intervals, 2e-3 at most with 50, since the
+largest b at a node is not always part of the fastest clock. So the programs stay.
+
 toppra solves the same problem, but it has wheels only for Linux on x86-64 (0.6.10) and needs a
 compiler elsewhere.
 """

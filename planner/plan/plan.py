@@ -51,6 +51,9 @@ LEAST_GROWTH = 1.0
 """Least growth of a volume of states, as a logarithm, along a motion that is called unstable. Below
 it the motion may be integrated in either direction."""
 
+UNSTABLE = "unstable in open loop: errors grow, so drive it with feedback"
+"""What is said of a plan that is `Plan.unstable`."""
+
 ROUNDING = 1e-9
 """Tolerance for times outside a plan, relative to the duration, or to 1 s if that is longer. The
 rounding errors of a sum of thousands of time steps are smaller."""
@@ -180,16 +183,13 @@ class Plan(Frozen):
         said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
         said_of = [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
         belief = [self.worth.words] if self.compensation is not None and self.worth else []
-        unstable = ["unstable in open loop: errors grow, so drive it with feedback"]
-        jumps = [self.jump_words] * bool(self.jump_words)
-        return [*belief, *said_of, *jumps, *unstable * self.unstable]
+        return [*belief, *said_of, *filter(None, [self.jump_words, UNSTABLE * self.unstable])]
 
     @cached_property
     def _growth(self) -> tuple[float, float]:
-        if self.compensation is not None or self.trajectory.flaw:
-            return 0.0, 0.0
+        known = self.compensation is None and not self.trajectory.flaw
         with np.errstate(all="ignore"):
-            return growth(self.trajectory)
+            return growth(self.trajectory) if known else (0.0, 0.0)
 
     @property
     def unstable(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.machine.machine import load_machine
 from planner.plan.measures import effort_unit, path_coordinates
-from planner.plan.plan import Plan
+from planner.plan.plan import UNSTABLE, Plan
 from planner.problem.problem import Problem
 from planner.problem.settings import problem_words
 from planner.problem.tables.machine_effects import Worth
@@ -36,7 +36,8 @@ def properties(motion: Plan, summary: Mapping[str, Any], machine_file: Path | No
     problem = motion.problem
     system, notes = problem.system, summary["notes"]
     path = system.coordinates[0]
-    yield "status", summary["status"].replace("_", " ") + ", verified" * summary["verified"]
+    state = summary["status"].replace("_", " ") + ", verified" * summary["verified"]
+    yield "status", state + f", {UNSTABLE}" * motion.unstable
     if motion.worth:
         yield "on the arm", _end_on_the_arm(motion, motion.worth, summary["terminal_error_deg"])
     yield f"travel of {path.name}", f"{number(motion.travel)} {path.unit}, {summary['direction']}"

@@ -45,6 +45,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "mutants": ("verification", "systems", "machine", "methods", "tests"),
     "optimality": (*PLANS, "tests/benchmarks/optimality.py"),
     "paper": (*COMPARISONS, "paper", "report/figures"),
+    "peers": (*PLANS, "tests/benchmarks/peers.py", "tests/benchmarks/peers_theirs.py"),
     "report": ("report", "comparison"),
     "searching": PLANS,
     "sensitivity": (*MACHINES, "robustness", "tests/benchmarks/sensitivity.py"),

@@ -151,9 +151,9 @@ def _plan_from(
     The search adds its record to `records`; for `stages` see `Pipeline`. A motion that backs
     trailers is planned from the goal to the start: the other way no simulation follows it.
     """
-    if _lies_behind(problem) and (other := problem.exchanged()):
+    turned, other = warm and warm.backwards, problem.exchanged()
+    if other and _lies_behind(problem) and (turned or not warm):
         with suppress(NoPlanError):
-            turned = warm and warm.backwards
             return _plan_from(other, options, turned, records).exchanged(problem)
     reached = problem.within_reach()
     ways = routes(reached)
@@ -181,10 +181,9 @@ def _plan_from(
 
 def _lies_behind(problem: Problem) -> bool:
     """Return whether trailers must be backed to the goal, seen from the headings at both ends."""
-    if not isinstance(problem.system, Trailers):
-        return False
     x, y, heading = np.array([problem.start, problem.goal])[:, [0, -1, -2]].T
-    return bool(np.diff(x) * np.sum(np.cos(heading)) + np.diff(y) * np.sum(np.sin(heading)) < 0)
+    ahead = np.diff(x) * np.sum(np.cos(heading)) + np.diff(y) * np.sum(np.sin(heading))
+    return isinstance(problem.system, Trailers) and bool(ahead < 0)
 
 
 def _finish_best(

@@ -148,6 +148,12 @@ def test_its_inputs_lead_from_the_goal_to_the_start_and_not_the_other_way(
     assert np.max(np.abs(astray)) > 0.1
 
 
+def test_the_plan_says_that_it_needs_feedback(pushed: planner.Plan) -> None:
+    assert pushed.unstable
+    for text in (repr(pushed), str(pushed), pushed._repr_html_()):
+        assert "feedback" in text
+
+
 def test_another_input_is_refused_by_its_start(pushed: planner.Plan) -> None:
     path = pushed.trajectory
     assert isinstance(path, StateTrajectory)

@@ -124,7 +124,7 @@ def _refuse_unlimited(problem: Problem, moving: InputMask, rest: bool) -> None:
     limits = problem.limits
     for i in np.flatnonzero(moving & limits.unlimited):
         raise InputError(
-            f"input {problem.system.inputs[i].name} moves and has no"
+            f"input {problem.system.inputs[i].name.replace('_', ' ')} moves and has no"
             " limit, so there is no fastest timing; give a limit for it",
             source=problem.source,
         )

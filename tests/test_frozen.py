@@ -189,7 +189,7 @@ def parts(value: Any) -> Iterator[tuple[str, Callable[[Any], Any]]]:
         if isinstance(value, BaseModel):  # pydantic's own attributes are not those of the table
             names = [*type(value).model_fields]
         else:
-            names = [name for name in dir(value) if not name.startswith("_")]
+            names = [name for name in object.__dir__(value) if not name.startswith("_")]
         for name in names:
             if not callable(getattr(type(value), name, None)) or name in vars(value):
                 yield f".{name}", attrgetter(name)
@@ -417,7 +417,7 @@ NO_TIMES: list[Any] = ["5", None, True, [1.0, "2"], [[1.0], [1.0, 2.0]], 1j, {},
 @pytest.mark.parametrize("t", NO_TIMES, ids=repr)
 def test_what_is_no_time_is_refused(t: Any) -> None:
     one = plain()
-    calls = [one.q, one.u, one.z, one.v, one.user, one.theta, one.wanted, plan().wanted]
+    calls = [one.q, one.u, one.z, one.v, one.user, one.theta, one.reference, plan().reference]
     calls += [one.trajectory.q, one.trajectory.u, one.clock, made("retimed").q]
     for call in calls:
         with pytest.raises(planner.InputError, match="must be a number or an array of numbers"):

@@ -148,6 +148,7 @@ def test_an_old_path_works_and_names_the_new_one() -> None:
 
 
 READS_ENGLISH = {
+    "cli/app.py:_report_usage_error": "another program's message, cut",
     "cli/start.py:new": "a template in TOML",
     "errors.py:__init__": "the first line, for tables",
     "errors.py:solver_answer": "another program's message, cut",

@@ -262,6 +262,7 @@ def _print_error(status: int, kind: str, message: str) -> int:
 
 
 def _report_usage_error(error: Any) -> int:
+    error.message = error.message.replace("Value error, ", "")  # Pydantic's words, not the user's
     if manner.as_json:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
     text = io.StringIO()

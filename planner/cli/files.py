@@ -96,7 +96,7 @@ def export(
         space = machine_facts(motion, space=True, feedback=name == "c") if sends else (None, "")
     sent = " and ".join(FORMATS[name].command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
-    data |= {"only_sampled": motion.only_sampled, "claimed": motion.claimed}
+    data |= {"only_sampled": motion.sampled_labels, "claimed": motion.file_figures}
     data |= {"jumps": motion.jump_words or None, "on_machines": space[0]}
     data |= {"start": motion.start_words or None, "after": motion.notes.get("after")}
     data["worth"] = motion.worth and motion.worth.model_dump()

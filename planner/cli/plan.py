@@ -158,7 +158,7 @@ def verify(plan: PlanPath) -> int:
     with job("verifying"):
         motion = load_plan(plan)
         if not motion.verified:
-            broken = motion.why or "; ".join(map(str, check_plan(motion).violations))
+            broken = motion.violation or "; ".join(map(str, check_plan(motion).violations))
             error = NoPlanError(f"not verified: {broken or motion.status}", source=str(plan))
             error.status = motion.status
             raise error

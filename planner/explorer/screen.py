@@ -215,7 +215,8 @@ SECOND = {"polynomial": "collocation"}
 constraint points that it chooses."""
 
 
-ROW = ("effort", "peak_u", "duration_s", "E_median_deg", "end_median_deg")
+MEDIANS = (name for name, one in STATISTICS.items() if one.percent == 50)
+ROW = ("effort", "peak_u", "duration_s", *MEDIANS)
 """Figures of a plan's row, those of comparisons; the sensitivity follows."""
 
 
@@ -335,7 +336,7 @@ def error_panel(run: Replay | None) -> dict[str, Any] | None:
     """Return the panel of the largest joint error over time: median and 90 % band of machines."""
     if run is None or not run.angles:
         return None
-    target = run.plan.wanted(run.t)  # NaN during the preparation of a compensated plan
+    target = run.plan.reference(run.t)  # NaN during the preparation of a compensated plan
     under_way = np.isfinite(target).all(axis=1) & (run.t >= 0)
     error = np.rad2deg(np.abs(run.q - target)[:, under_way][:, :, list(run.angles)]).max(axis=2)
     low, middle, high = np.percentile(error, [5, 50, 95], axis=0)

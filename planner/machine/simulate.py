@@ -326,7 +326,7 @@ def _begin(
     motion: MachineMotion, plan: Plan, orders: CommandGrid, times: Array, rows: slice
 ) -> None:
     """Begin a stretch of a simulation, in which the entries `rows` of `times` are recorded."""
-    desired = plan.wanted(orders.t)[:, 1:, None]
+    desired = plan.reference(orders.t)[:, 1:, None]
     desired[orders.t < 0] = np.nan  # ignore deviations before the plan's start
     motion.begin(orders, desired, np.searchsorted(orders.t, times[rows]))
 

@@ -100,7 +100,7 @@ class Certificate(Frozen):
         return tuple(sorted(left, key=lambda c: c.status != "violated"))
 
     @property
-    def only_sampled(self) -> tuple[str, ...]:
+    def sampled_labels(self) -> tuple[str, ...]:
         """Labels of requirements that are undecided: `verify` samples them, nothing proves them."""
         return tuple(c.label for c in self.open if c.status == "undecided")
 
@@ -131,7 +131,7 @@ class Certificate(Frozen):
         more = f" (and {len(self.open) - 1} more)" if len(self.open) > 1 else ""
         if not self.open or self.open[0].status == "violated":
             return f"{counted}; {self.open[0]}{more}" if self.open else "no requirement to prove"
-        sampled = f"the others were only sampled: {shown_labels(self.only_sampled)}"
+        sampled = f"the others were only sampled: {shown_labels(self.sampled_labels)}"
         return f"{counted}; {sampled} ({self.open[0].why})"
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +148,7 @@ class Certificate(Frozen):
                 }
                 for c in self.claims
             ],
-            "only_sampled": list(self.only_sampled),
+            "only_sampled": list(self.sampled_labels),
             "motion_error": {name: _finite(e) for name, e in self.motion_error.items()},
             "cells": self.cells,
             "seconds": self.seconds,

@@ -106,6 +106,11 @@ class Clock:
         return self.t[-1] - self.when(self.seconds)
 
     @property
+    def hold_s(self) -> float:
+        """Duration of all holds together, s."""
+        return self.t[-1] - self.seconds
+
+    @property
     def holds(self) -> tuple[tuple[float, float], ...]:
         """Start and end of each hold during the plan, in the machine's time, s."""
         steps = zip(pairwise(self.t), pairwise(self.s), strict=True)

@@ -44,6 +44,12 @@ COPIED = ("method", "options", "status", "objective", "solve_time_s",
           "build_time_s", "iterations", "verified", "notes")  # fmt: skip
 """Attributes of a plan that its file stores under the same names."""
 
+OFFERED = ("t", "q", "u", "z", "v", "theta", "user", "duration", "travel", "effort", "peak_u",
+           "path_length", "domain", "executable", "table", "plot", "save", "to_frame", "to_xarray",
+           "to_dict", "problem", "method", "options", "status", "verified", "certificate",
+           "objective", "solve_time_s", "notes", "compensates")  # fmt: skip
+"""What tab completion offers of a plan, and the reference has first: what people use."""
+
 COMPENSATED = "compensated"
 """Suffix of the method's name for a plan compensated for the machine."""
 
@@ -91,12 +97,12 @@ class Plan(Frozen):
         notes: Further facts from the method, JSON-ready (the first guess used, constraint points,
             …).
         certificate: What is proven of the plan between the nodes (set by `solve`; see `certify`).
-        why: The requirement that the plan violates, in one line, if the plan's file wrongly calls
-            the plan verified; otherwise empty.
+        violation: The requirement that the plan violates, in one line, if the plan's file wrongly
+            calls the plan verified; otherwise empty.
         compensation: Original plan and machine of a compensated plan (set by `compensate`);
             otherwise None.
-        claimed: For a verified plan that was read from a file, the figures that were taken from the
-            file and not computed again ("objective", "notes.optimality"); otherwise empty.
+        file_figures: For a verified plan that was read from a file, the figures that were taken
+            from the file and not computed again ("objective", "notes.optimality"); otherwise empty.
     """
 
     problem: Problem
@@ -112,14 +118,9 @@ class Plan(Frozen):
     verified: bool = False
     notes: Mapping[str, Any] = field(default_factory=dict)
     certificate: Certificate | None = None
-    why: str = ""
+    violation: str = ""
     compensation: Compensation | None = None
-    claimed: tuple[str, ...] = ()
-
-    @property
-    def objective_name(self) -> str:
-        """Name of the objective ("effort: integral of u1^2 + u2^2 dt")."""
-        return self.aim.name
+    file_figures: tuple[str, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Plan) and self._identity == other._identity
@@ -132,9 +133,176 @@ class Plan(Frozen):
         identity = (self.problem, self.method, self.trajectory, self.status, self.verified)
         return *identity, jsonable(self.options), self.compensation
 
+    def __dir__(self) -> tuple[str, ...]:
+        return OFFERED
+
+    @property
+    def t(self) -> Array:
+        """Break times between which the motion is smooth, shape (K+1,), seconds."""
+        return self.trajectory.breaks
+
+    def q(self, t: ArrayLike) -> Array:
+        """Return coordinates (…, N) at times t (…); RuntimeWarning outside [0, duration]."""
+        return self.trajectory.q(self._times(t))
+
+    def u(self, t: ArrayLike) -> Array:
+        """Return inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
+        return self.trajectory.u(self._times(t))
+
+    def z(self, t: ArrayLike) -> Array:
+        """Return chained coordinates (…, N) at times t (…); RuntimeWarning outside the plan."""
+        return self.trajectory.z(self._times(t))
+
+    def v(self, t: ArrayLike) -> Array:
+        """Return chained inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
+        return self.trajectory.v(self._times(t))
+
+    def theta(self, t: ArrayLike) -> Array:
+        """Return the joint angles of an arm, radians, shape (…, n), at times t (…).
+
+        Times outside [0, duration] give a RuntimeWarning.
+
+        Raises:
+            InputError: If the system has no joints theta1, theta2, …
+        """
+        names = [c.name for c in self.problem.system.coordinates]
+        joints = [i for i, name in enumerate(names) if name.startswith("theta")]
+        if not joints:
+            raise InputError(
+                f"a {self.problem.system.kind} has no joint angles; plan.q(t) gives its coordinates"
+                f" {', '.join(names)}"
+            )
+        return self.q(t)[..., joints]
+
+    def user(self, t: ArrayLike) -> Array:
+        """Return user coordinates (…, N) at times t (…): `q` if the system defines no others."""
+        return self.problem.system.user(self.trajectory.q(self._times(t)))
+
+    def _times(self, t: ArrayLike) -> Array:
+        """Return times as floats; clip those just outside the plan by rounding, warn of others."""
+        times, slack = floats("t", t), ROUNDING * max(1.0, self.duration)
+        outside = (times < -slack) | (times > self.duration + slack)
+        if np.any(outside):
+            warnings.warn(
+                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0"
+                f" to {self.duration:.6g} s; outside, the plan is at rest (plan.trajectory.q and .u"
+                " give the same without this warning)",
+                RuntimeWarning,
+                stacklevel=3,
+            )
+        return np.where(outside, times, times.clip(0.0, self.duration))
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion, s."""
+        return self.trajectory.duration
+
+    @property
+    def travel(self) -> float:
+        """Travel q₁(T) − q₁(0), radians for the manipulator."""
+        return float(self.z(self.duration)[0] - self.z(0.0)[0])
+
+    @cached_property
+    def effort(self) -> float:
+        """∫ u₁² + u₂² dt, of a compensated plan that of its commands; NaN if not `executable`."""
+        return effort(self.trajectory) if self.executable else np.nan
+
+    @cached_property
+    def peak_u(self) -> Array:
+        """Largest |u₁| and |u₂|, shape (2,), in the inputs' units; NaN if not `executable`."""
+        return locked(peak_inputs(self.trajectory) if self.executable else np.full(2, np.nan))
+
+    @cached_property
+    def path_length(self) -> float:
+        """Length of the path: of an arm's joint angles as a vector, in radians; of a vehicle's
+        position, in metres. NaN if not `executable`; see `measures.path_coordinates`."""
+        return path_length(self.trajectory) if self.executable else np.nan
+
+    @cached_property
+    def domain(self) -> DomainReport:
+        """Report on where the plan lies in the chart's domain: margins and exits over all time."""
+        return domain_report(self.trajectory)
+
+    @property
+    def executable(self) -> bool:
+        """Whether real coordinates and inputs exist at all times."""
+        return self.trajectory.in_coordinates or self.domain.ok
+
+    def table(self) -> Table:
+        """Return the plan's properties for a terminal: `rich.print(plan.table())`."""
+        table: Table = import_function("planner.report.properties.plan_table")(self)
+        return table
+
+    def _repr_html_(self) -> str:
+        return notebook_html(self.table())
+
+    def plot(self, figure: str = "joints") -> Figure:
+        """Draw a figure of the plan: "joints", "inputs", "map", "z" or another of `PLAN_FIGURES`.
+
+        Raises:
+            InputError: If the name is unknown, or the system or this plan has no such figure.
+        """
+        return draw_figure("over_time.plot", figure, self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the plan as versioned JSON; `load_plan` reads it back exactly.
+
+        Raises:
+            InputError: If the file cannot be written, or would be too long to be read; no partial
+                file is left.
+        """
+        return write_text(path, self.to_json())
+
+    def to_frame(self, rate_hz: float = 100.0) -> DataFrame:
+        """Return the plan at evenly spaced times as a pandas DataFrame; see
+        `planner.plan.samples.to_frame`."""
+        return import_function("planner.plan.samples.to_frame")(self, rate_hz)
+
+    def to_xarray(self, rate_hz: float = 100.0) -> Dataset:
+        """Return the plan at evenly spaced times as an xarray Dataset; see
+        `planner.plan.samples.to_xarray`."""
+        return import_function("planner.plan.samples.to_xarray")(self, rate_hz)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON-ready data: what its file contains."""
+        data = {
+            "format": FORMAT,
+            "version": VERSION,
+            "problem": self.problem.to_dict(),
+            "source": self.problem.source,
+            **{key: getattr(self, key) for key in COPIED},
+            "objective_name": self.objective_name,
+            "aim": {"kind": self.aim.kind, "terms": dict(self.aim.terms)},
+            "certificate": None if self.certificate is None else self.certificate.to_dict(),
+            "trajectory": self.trajectory.to_dict(),
+        }
+        if self.violation:
+            data["why"] = self.violation
+        if self.compensation is not None:
+            data["compensation"] = {
+                "plan": self.compensation.plan.to_dict(),
+                "machine": dict(self.compensation.machine),
+                "clock": {"t": list(self.clock.t), "s": list(self.clock.s)},
+            }
+        return dict(jsonable(data))
+
+    def to_json(self) -> str:
+        """Return the plan as the JSON text that `save` writes."""
+        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
+
+    @property
+    def objective_name(self) -> str:
+        """Name of the objective ("effort: integral of u1^2 + u2^2 dt")."""
+        return self.aim.name
+
+    @property
+    def label(self) -> str:
+        """Name of the plan in comparisons: the method, and whether it is compensated."""
+        return f"{self.method} {COMPENSATED}" if self.is_compensated else self.method
+
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
-        state += f": {self.why}" if self.why else ""
+        state += f": {self.violation}" if self.violation else ""
         name = self.method
         name += " compensated" * self.is_compensated
         if self.compensation is not None:
@@ -157,15 +325,73 @@ class Plan(Frozen):
             f"path {self.path_length:.4g} {path_coordinates(system)[1]}",
         ]
 
+    def __str__(self) -> str:
+        """Return a summary: method, state and figures, what was minimised, problem."""
+        said = f"{self.objective:.4g}, {self.objective_name}"
+        lines = [repr(self), *[f"  objective {said}"] * bool(self.objective_name)]
+        return "\n".join([*lines, f"  of {self.problem.name}"])
+
     @property
-    def only_sampled(self) -> tuple[str, ...]:
+    def compensates(self) -> Plan | None:
+        """The original plan of a compensated plan; None for all other plans."""
+        return None if self.compensation is None else self.compensation.plan
+
+    @property
+    def is_compensated(self) -> bool:
+        """Whether the inputs are an original plan's, changed to follow it on a machine."""
+        return self.compensation is not None and not self.ends_on_machine
+
+    @property
+    def ends_on_machine(self) -> bool:
+        """Whether the plan was made with `end = "machine"`, so that its inputs are the original's
+        and its motion is the one predicted on the machine."""
+        return self.compensation is not None and self.options.get("end") == "machine"
+
+    @property
+    def clock(self) -> Clock:
+        """Map from a compensated plan's time to the original plan's time; else the identity."""
+        if self.compensation is None:
+            return Clock.running(self.duration)
+        return self.compensation.clock
+
+    @property
+    def lead_s(self) -> float:
+        """Duration of a compensated plan's preparatory motion, s; 0 for other plans."""
+        return self.clock.lead_s
+
+    @property
+    def tail_s(self) -> float:
+        """Time that a compensated plan continues after the end of the original plan, s."""
+        return self.clock.tail_s
+
+    def reference(self, t: ArrayLike) -> Array:
+        """Return the reference coordinates (…, N) at times t (…), against which errors are
+        measured.
+
+        These are the plan's own coordinates, or for a compensated plan those of the original plan
+        at the time that `clock` shows, and NaN during the preparatory motion. For a plan with
+        `end = "machine"` they are the predicted ones.
+        """
+        if self.compensates is None or not self.is_compensated:
+            return self.trajectory.q(t)
+        early = floats("t", t) < self.lead_s - ROUNDING * max(1.0, self.duration)
+        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(self.clock(t)))
+
+    @property
+    def goal(self) -> Array:
+        """Coordinates at the end from which errors are measured, (N,): those of the original plan,
+        if there is one."""
+        return (self.compensates or self).trajectory.q(self.clock(self.duration))
+
+    @property
+    def sampled_labels(self) -> tuple[str, ...]:
         """Labels of requirements of a verified plan that are sampled but not proven.
 
         Empty for a compensated plan, whose motion is that of the nominal machine.
         """
         if self.certificate is None or not self.verified or self.compensation is not None:
             return ()
-        return self.certificate.only_sampled
+        return self.certificate.sampled_labels
 
     @property
     def worth(self) -> Worth | None:
@@ -180,7 +406,7 @@ class Plan(Frozen):
         """Phrases on the identified machine that a compensated plan is for, on requirements that
         are only sampled, on figures that only the file claims, and on inputs that jump at an end.
         """
-        said = {"only sampled": self.only_sampled, "only its file says": self.claimed}
+        said = {"only sampled": self.sampled_labels, "only its file says": self.file_figures}
         said_of = [f"{words}: {shown_labels(labels)}" for words, labels in said.items() if labels]
         belief = [self.worth.words] if self.compensation is not None and self.worth else []
         return [*belief, *said_of, *filter(None, [self.jump_words, UNSTABLE * self.unstable])]
@@ -222,39 +448,6 @@ class Plan(Frozen):
         said = (f"{verb} with a jump ({', '.join(at)})" for verb, at in moving.items() if at)
         return " and ".join(said)
 
-    def __str__(self) -> str:
-        """Return a summary: method, state and figures, what was minimised, problem."""
-        said = f"{self.objective:.4g}, {self.objective_name}"
-        lines = [repr(self), *[f"  objective {said}"] * bool(self.objective_name)]
-        return "\n".join([*lines, f"  of {self.problem.name}"])
-
-    @property
-    def compensates(self) -> Plan | None:
-        """The original plan of a compensated plan; None for all other plans."""
-        return None if self.compensation is None else self.compensation.plan
-
-    @property
-    def ends_on_machine(self) -> bool:
-        """Whether the plan was made with `end = "machine"`, so that its inputs are the original's
-        and its motion is the one predicted on the machine."""
-        return self.compensation is not None and self.options.get("end") == "machine"
-
-    @property
-    def is_compensated(self) -> bool:
-        """Whether the inputs are an original plan's, changed to follow it on a machine."""
-        return self.compensation is not None and not self.ends_on_machine
-
-    @property
-    def goal(self) -> Array:
-        """Coordinates at the end from which errors are measured, (N,): those of the original plan,
-        if there is one."""
-        return (self.compensates or self).trajectory.q(self.clock(self.duration))
-
-    @property
-    def label(self) -> str:
-        """Name of the plan in comparisons: the method, and whether it is compensated."""
-        return f"{self.method} {COMPENSATED}" if self.is_compensated else self.method
-
     @property
     def start_words(self) -> str:
         """Phrase that says for which arm a compensated plan's commands hold: where and in which
@@ -267,195 +460,6 @@ class Plan(Frozen):
         said = ", ".join(a if isinstance(a, str) else f"{a:.3g}" for a in listed)
         last = f" after {self.notes['after']}" if "after" in self.notes else ""
         return f"for an arm that rests at ({pose}) deg{last}, state {said}"
-
-    @property
-    def clock(self) -> Clock:
-        """Map from a compensated plan's time to the original plan's time; else the identity."""
-        if self.compensation is None:
-            return Clock.running(self.duration)
-        return self.compensation.clock
-
-    @property
-    def lead_s(self) -> float:
-        """Duration of a compensated plan's preparatory motion, s; 0 for other plans."""
-        return self.clock.lead_s
-
-    @property
-    def tail_s(self) -> float:
-        """Time that a compensated plan continues after the end of the original plan, s."""
-        return self.clock.tail_s
-
-    @property
-    def running_s(self) -> float:
-        """Total time in which the plan's clock runs, s: the duration less all holds."""
-        return self.clock.seconds + self.duration - self.clock.t[-1]
-
-    def wanted(self, t: ArrayLike) -> Array:
-        """Return the reference coordinates (…, N) at times t (…), against which errors are
-        measured.
-
-        These are the plan's own coordinates, or for a compensated plan those of the original plan
-        at the time that `clock` shows, and NaN during the preparatory motion. For a plan with
-        `end = "machine"` they are the predicted ones.
-        """
-        if self.compensates is None or not self.is_compensated:
-            return self.trajectory.q(t)
-        early = floats("t", t) < self.lead_s - ROUNDING * max(1.0, self.duration)
-        return np.where(early[..., None], np.nan, self.compensates.trajectory.q(self.clock(t)))
-
-    @property
-    def t(self) -> Array:
-        """Break times between which the motion is smooth, shape (K+1,), seconds."""
-        return self.trajectory.breaks
-
-    @property
-    def duration(self) -> float:
-        """Duration of the motion, s."""
-        return self.trajectory.duration
-
-    @property
-    def travel(self) -> float:
-        """Travel q₁(T) − q₁(0), radians for the manipulator."""
-        return float(self.z(self.duration)[0] - self.z(0.0)[0])
-
-    @cached_property
-    def effort(self) -> float:
-        """∫ u₁² + u₂² dt, of a compensated plan that of its commands; NaN if not `executable`."""
-        return effort(self.trajectory) if self.executable else np.nan
-
-    @cached_property
-    def peak_u(self) -> Array:
-        """Largest |u₁| and |u₂|, shape (2,), in the inputs' units; NaN if not `executable`."""
-        return locked(peak_inputs(self.trajectory) if self.executable else np.full(2, np.nan))
-
-    @cached_property
-    def path_length(self) -> float:
-        """Length of the path: of an arm's joint angles as a vector, in radians; of a vehicle's
-        position, in metres. NaN if not `executable`; see `measures.path_coordinates`."""
-        return path_length(self.trajectory) if self.executable else np.nan
-
-    @cached_property
-    def domain(self) -> DomainReport:
-        """Report on where the plan lies in the chart's domain: margins and exits over all time."""
-        return domain_report(self.trajectory)
-
-    @property
-    def executable(self) -> bool:
-        """Whether real coordinates and inputs exist at all times."""
-        return self.trajectory.in_coordinates or self.domain.ok
-
-    def q(self, t: ArrayLike) -> Array:
-        """Return coordinates (…, N) at times t (…); RuntimeWarning outside [0, duration]."""
-        return self.trajectory.q(self._times(t))
-
-    def user(self, t: ArrayLike) -> Array:
-        """Return user coordinates (…, N) at times t (…): `q` if the system defines no others."""
-        return self.problem.system.user(self.trajectory.q(self._times(t)))
-
-    def u(self, t: ArrayLike) -> Array:
-        """Return inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
-        return self.trajectory.u(self._times(t))
-
-    def theta(self, t: ArrayLike) -> Array:
-        """Return the joint angles of an arm, radians, shape (…, n), at times t (…).
-
-        Times outside [0, duration] give a RuntimeWarning.
-
-        Raises:
-            InputError: If the system has no joints theta1, theta2, …
-        """
-        names = [c.name for c in self.problem.system.coordinates]
-        joints = [i for i, name in enumerate(names) if name.startswith("theta")]
-        if not joints:
-            raise InputError(
-                f"a {self.problem.system.kind} has no joint angles; plan.q(t) gives its coordinates"
-                f" {', '.join(names)}"
-            )
-        return self.q(t)[..., joints]
-
-    def z(self, t: ArrayLike) -> Array:
-        """Return chained coordinates (…, N) at times t (…); RuntimeWarning outside the plan."""
-        return self.trajectory.z(self._times(t))
-
-    def v(self, t: ArrayLike) -> Array:
-        """Return chained inputs (…, 2) at times t (…); RuntimeWarning outside [0, duration]."""
-        return self.trajectory.v(self._times(t))
-
-    def _times(self, t: ArrayLike) -> Array:
-        """Return times as floats; clip those just outside the plan by rounding, warn of others."""
-        times, slack = floats("t", t), ROUNDING * max(1.0, self.duration)
-        outside = (times < -slack) | (times > self.duration + slack)
-        if np.any(outside):
-            warnings.warn(
-                f"t = {times[outside].flat[0]:.6g} s lies outside the plan, which lasts from 0"
-                f" to {self.duration:.6g} s; outside, the plan is at rest (plan.trajectory.q and .u"
-                " give the same without this warning)",
-                RuntimeWarning,
-                stacklevel=3,
-            )
-        return np.where(outside, times, times.clip(0.0, self.duration))
-
-    def save(self, path: str | Path) -> Path:
-        """Write the plan as versioned JSON; `load_plan` reads it back exactly.
-
-        Raises:
-            InputError: If the file cannot be written, or would be too long to be read; no partial
-                file is left.
-        """
-        return write_text(path, self.to_json())
-
-    def to_json(self) -> str:
-        """Return the plan as the JSON text that `save` writes."""
-        return json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n"
-
-    def table(self) -> Table:
-        """Return the plan's properties for a terminal: `rich.print(plan.table())`."""
-        table: Table = import_function("planner.report.properties.plan_table")(self)
-        return table
-
-    def _repr_html_(self) -> str:
-        return notebook_html(self.table())
-
-    def plot(self, figure: str = "joints") -> Figure:
-        """Draw a figure of the plan: "joints", "inputs", "map", "z" or another of `PLAN_FIGURES`.
-
-        Raises:
-            InputError: If the name is unknown, or the system or this plan has no such figure.
-        """
-        return draw_figure("over_time.plot", figure, self)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the plan as JSON-ready data: what its file contains."""
-        data = {
-            "format": FORMAT,
-            "version": VERSION,
-            "problem": self.problem.to_dict(),
-            "source": self.problem.source,
-            **{key: getattr(self, key) for key in COPIED},
-            "objective_name": self.objective_name,
-            "aim": {"kind": self.aim.kind, "terms": dict(self.aim.terms)},
-            "certificate": None if self.certificate is None else self.certificate.to_dict(),
-            "trajectory": self.trajectory.to_dict(),
-        }
-        if self.why:
-            data["why"] = self.why
-        if self.compensation is not None:
-            data["compensation"] = {
-                "plan": self.compensation.plan.to_dict(),
-                "machine": dict(self.compensation.machine),
-                "clock": {"t": list(self.clock.t), "s": list(self.clock.s)},
-            }
-        return dict(jsonable(data))
-
-    def to_frame(self, rate_hz: float = 100.0) -> DataFrame:
-        """Return the plan at evenly spaced times as a pandas DataFrame; see
-        `planner.plan.samples.to_frame`."""
-        return import_function("planner.plan.samples.to_frame")(self, rate_hz)
-
-    def to_xarray(self, rate_hz: float = 100.0) -> Dataset:
-        """Return the plan at evenly spaced times as an xarray Dataset; see
-        `planner.plan.samples.to_xarray`."""
-        return import_function("planner.plan.samples.to_xarray")(self, rate_hz)
 
 
 @dataclass(frozen=True)

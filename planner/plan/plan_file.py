@@ -44,7 +44,7 @@ def _plan(data: Mapping[str, Any], path: str | Path) -> Plan:
             problem=problem,
             trajectory=trajectory_from_dict(problem.system, data["trajectory"]),
             certificate=None if proven is None else certificate_from_dict(proven),
-            why="" if data["verified"] else data.get("why", ""),
+            violation="" if data["verified"] else data.get("why", ""),
             compensation=made_from,
             aim=_aim(data),
             **{key: _read_back(data[key]) for key in COPIED},

@@ -276,8 +276,8 @@ def _mat(plan: Plan, rate_hz: float) -> bytes:
         "held_miss": held_miss(plan, rate_hz),
         "objective": plan.objective,
         "objective_name": plan.objective_name,
-        "only_sampled": ", ".join(plan.only_sampled),
-        "claimed": ", ".join(plan.claimed),
+        "only_sampled": ", ".join(plan.sampled_labels),
+        "claimed": ", ".join(plan.file_figures),
         "problem_json": json.dumps(plan.problem.to_dict()),
     }
     arrays = {name: getattr(samples, name) for name in ARRAYS}

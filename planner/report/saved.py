@@ -100,7 +100,7 @@ def _row(
     """Return a row, and whether it fell: its plan is no longer what the folder says."""
     file, spec = data.get("plan_file"), Spec.of_label(_read_back(data["label"]))
     plan = None if file is None else load_plan(place / file)
-    fault = "" if plan is None else plan.why
+    fault = "" if plan is None else plan.violation
     if plan is not None and _task_tables(plan.problem) != _task_tables(problem):
         fault = "its problem differs from the folder's"
     elif data["solved"] and not (plan and plan.verified):

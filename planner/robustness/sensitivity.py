@@ -36,8 +36,7 @@ PAPER_SPREAD: Mapping[str, float] = {"gain": 0.01, "start": float(np.deg2rad(0.5
 MEANINGS = (
     "Passive block: response of the angles after joint 1 (of a vehicle: after its first angle) at"
     " the end, to errors of the start of joint 1 and of the gain of u2; it depends on the path."
-    " Irreducible: the part that depends only on start and goal. Total: root of the sum of all"
-    " squares."
+    " Floor: the part that depends only on start and goal. Total: root of the sum of all squares."
 )
 """Explanation of the terms in the tables."""
 

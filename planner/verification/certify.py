@@ -365,7 +365,7 @@ def _(goal: Goal, evidence: Evidence) -> Iterable[Proof]:
 @prove.register
 def _(limit: Duration | LongestDuration, evidence: Evidence) -> Iterable[Proof]:
     (part,), slack, plan = limit.parts, DURATION_TOLERANCE * limit.seconds, evidence.plan
-    margin = slack - abs(plan.running_s - limit.seconds)
+    margin = slack - abs(plan.duration - plan.clock.hold_s - limit.seconds)
     if isinstance(limit, LongestDuration):
         margin = slack + limit.seconds - plan.duration
     return [evidence.path.claim(part, 0.0, margin, margin, np.nan)]

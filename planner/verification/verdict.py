@@ -63,7 +63,7 @@ def _judge(plan: Plan, certificate: Certificate | None) -> tuple[Plan, Check]:
     if violations := sorted(_proven_violations(plan, certificate), key=lambda v: -v.scaled):
         margins = {v.label: certificate[v.label].attained for v in violations}
         return plan, replace(_refusal(check, violations), margins={**check.margins, **margins})
-    if certificate.only_sampled and plan.compensation is None:
+    if certificate.sampled_labels and plan.compensation is None:
         closer, _ = examine(plan, certificate.edges, motion)
         proven = {claim.label for claim in certificate.claims if claim.status == "proven"}
         if violations := [v for v in closer.violations if v.label not in proven]:
@@ -108,9 +108,10 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
     violation. A compensated plan must also contain a verified original plan of the
     same problem. The objective is computed again, except for desensitised plans and methods of
     other packages: if the file has another value, the computed value is used, with a warning, and
-    a proof of optimality for the value in the file is dropped. `Plan.claimed` names the figures
-    that are taken unchecked from the file, as are the other `notes`. A plan that fails has
-    `verified` False, the status "verification_failed", no certificate, and its violations in `why`.
+    a proof of optimality for the value in the file is dropped. `Plan.file_figures` names the
+    figures that are taken unchecked from the file, as are the other `notes`. A plan that fails has
+    `verified` False, the status "verification_failed", no certificate, and its violations in
+    `violation`.
     A plan that the file does not call verified (such as a refused plan, kept for study) keeps its
     status.
 
@@ -133,7 +134,9 @@ def load_plan(path: str | Path, *, strict: bool = False) -> Plan:
             f"{path} is marked as a verified plan, but the plan fails the verification:"
             f" {violations}; the file was changed, so plan again"
         )
-    return replace(plan, status=VerificationError.status, why=violations) if violations else plan
+    return (
+        replace(plan, status=VerificationError.status, violation=violations) if violations else plan
+    )
 
 
 OBJECTIVE_TOLERANCE = 1e-9
@@ -158,7 +161,7 @@ def _correct_objective(plan: Plan, path: str | Path) -> Plan:
         notes = {key: value for key, value in plan.notes.items() if key != "optimality"}
         plan = replace(plan, objective=true, notes=notes)
     claimed += ["notes.optimality"] * ("optimality" in plan.notes)
-    return replace(plan, claimed=tuple(claimed))
+    return replace(plan, file_figures=tuple(claimed))
 
 
 def _judge_again(said: Plan, path: str | Path) -> tuple[Plan, str]:

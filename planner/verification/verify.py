@@ -346,7 +346,7 @@ def _motion_findings(
                 yield _Finding(part, value, limit, plan.duration, slack, upper, demand)
         elif isinstance(demand, Duration | LongestDuration):
             (part,), longest = demand.parts, isinstance(demand, LongestDuration)
-            takes, seconds = plan.duration if longest else plan.running_s, demand.seconds
+            takes, seconds = plan.duration - (0 if longest else plan.clock.hold_s), demand.seconds
             upper = longest or takes > seconds
             yield _Finding(part, takes, seconds, None, 1e-9 * seconds, upper, demand)
     compensated, (gap, when) = plan.compensation is not None, motion.gap

@@ -428,7 +428,7 @@ def turn_picture(before: Replay, after: Replay) -> Figure:
     figure = Figure(figsize=(9, 6.4), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1.5])
     plan, lead = after.plan, after.plan.lead_s
-    wanted = np.rad2deg(plan.wanted(after.t)[:, 3])
+    wanted = np.rad2deg(plan.reference(after.t)[:, 3])
     own = np.rad2deg(before.plan.trajectory.q(before.t)[:, 3])
     axes[0].plot(after.t - lead, wanted, "k--", linewidth=1.2, label="plan, its clock held")
     looks = [

@@ -444,6 +444,19 @@ def test_on_a_phone_the_verdict_comes_before_the_sliders(show: Any, tmp_path: Pa
     picture(page, "phone", tmp_path)
 
 
+def test_the_table_of_plans_fits_narrow_pages(show: Any) -> None:
+    page = show("try", second=True)
+    settled(page)
+    page.locator("[data-button=keep]").click()
+    for width in (900, 600):
+        page.set_viewport_size({"width": width, "height": 1500})
+        page.wait_for_timeout(300)
+        table = page.locator(".px-table")
+        assert table.locator("tbody tr").count() == 3
+        assert table.evaluate("e => e.scrollWidth <= e.clientWidth"), width
+    page.locator(".px-table button").click()  # for the tests after this one
+
+
 def choose(page: Any, method: str) -> None:
     page.locator("[data-control=method]").select_option(method)
 

@@ -160,6 +160,7 @@ LONG, ARMS = "n" * 300, "an arm here has 2 to 8 joints"
         ("check paper.toml/p.toml", "cannot read paper.toml/p.toml: Not a directory"),
         ("plan paper.toml --method polynomal", "'polynomal'; did you mean 'polynomial'?"),
         ("plan paper.toml --methd polynomial", "No such option: --methd"),
+        ("compare paper.toml --by foo", "'--by': 'foo' is not one of"),
         ("plan paper.toml --set goal.travel", "--set goal.travel: write it as key=value"),
         ("plan paper.toml --set =3", "--set =3: write it as key=value"),
         ("plan paper.toml --set start.theta_deg=[1,", "cannot read the value"),

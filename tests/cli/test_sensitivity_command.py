@@ -22,7 +22,7 @@ def test_table_and_sums(run: Callable[..., Any]) -> None:
     assert "total 1.15 deg" in result.words
     assert "0.9582 deg" in result.words
     assert "Nominal machine" not in result.out
-    for word in ("Passive block: response of", "Irreducible: the part", "total by at most 17 %"):
+    for word in ("Passive block: response of", "Floor: the part", "total by at most 17 %"):
         assert word in result.words
     assert "planner compare" in result.words.split("Next, compensate")[1]
     assert "collocation compensated,desensitised compensated" in result.words
@@ -120,7 +120,7 @@ def test_trade_off(run: Callable[..., Any], tmp_path: Path) -> None:
     assert planner.sensitivity(kept).total_deg() == pytest.approx(knee["total_deg"])
     assert first.json["knee_file"] == str(tmp_path / "curve" / "knee.json")
     assert "planner export" in again.words
-    assert "Irreducible: the part" in again.words
+    assert "Floor: the part" in again.words
     table = again.out.split("\n\n")[1]
     assert "…" not in table  # heads and numbers are whole
     assert max(map(len, table.splitlines())) <= 80

@@ -193,7 +193,7 @@ def test_the_clock_is_held_where_the_drive_turns_back(turning: Plan, better: Pla
     assert 1 < end - begin < 2.5
     assert better.clock(begin) == pytest.approx(turns[0], abs=2.0)
     middle = (begin + end) / 2
-    assert np.array_equal(better.wanted(middle), turning.q(float(better.clock(middle))))
+    assert np.array_equal(better.reference(middle), turning.q(float(better.clock(middle))))
     assert np.sign(better.u(middle)[0]) == -way
     kinematic = turning.q(better.clock(end))
     assert np.max(np.abs(better.q(end) - kinematic)[1:]) < np.deg2rad(0.6)

@@ -1,4 +1,6 @@
+import inspect
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -124,4 +126,14 @@ def test_outside_its_time_a_plan_rests_at_its_ends_and_warns(name: str) -> None:
     assert asked(0.0).ndim == 1
     still = getattr(plan.trajectory, name)([-1.0, T + 1.0])  # a trajectory stays at its ends
     np.testing.assert_array_equal(still, [before, after])
-    np.testing.assert_array_equal(plan.wanted([-1.0, T + 1.0]), plan.q([0.0, T]))
+    np.testing.assert_array_equal(plan.reference([-1.0, T + 1.0]), plan.q([0.0, T]))
+
+
+def test_completion_offers_what_the_reference_has_first(plan: planner.Plan) -> None:
+    offered = dir(plan)
+    assert len(offered) <= 30
+    assert all(hasattr(plan, name) for name in offered)
+    fields = planner.Plan.__dataclass_fields__
+    documented = re.findall(r"    def ([a-z]\w*)", inspect.getsource(planner.Plan))
+    used = [name for name in plan.__dir__() if name not in fields and name != "compensates"]
+    assert documented[: len(used)] == used

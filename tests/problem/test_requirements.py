@@ -323,7 +323,7 @@ def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
         (
             "car",
             {"limits.steering_acceleration_rad_s2": 1.0},
-            {"rate of input steering_rate": -3.0},
+            {"rate of input steering rate": -3.0},
             {"limits.steering_acceleration_rad_s2": 3.0},
         ),
         ("trailers", {"limits.hitch_deg": 30}, {"joint hitch1": 0.7}, {"limits.hitch_deg": 40.1}),

@@ -60,7 +60,7 @@ def times(factor: float) -> Edit:
 def test_a_plan_left_alone_is_believed_to_the_last_bit(plan: planner.Plan, tmp_path: Path) -> None:
     path = plan.save(tmp_path / "x.json")
     back = planner.load_plan(path, strict=True)
-    assert (back.verified, back.status, back.why) == (True, "solved", "")
+    assert (back.verified, back.status, back.violation) == (True, "solved", "")
     assert back.certificate == plan.certificate
     assert back.save(tmp_path / "y.json").read_bytes() == path.read_bytes()
 
@@ -69,12 +69,12 @@ def test_coefficients_times_one_and_a_half(plan: planner.Plan, tmp_path: Path) -
     path = edited(plan, tmp_path / "x.json", times(1.5))
     back = planner.load_plan(path)
     assert (back.verified, back.status, back.certificate) == (False, "verification_failed", None)
-    assert "allowed" in back.why
+    assert "allowed" in back.violation
     more = len(planner.verify(back).violations) - 1
-    assert back.why.endswith(f" (and {more} more)" if more else "")
-    assert f"not verified, status verification_failed: {back.why}" in repr(back)
+    assert back.violation.endswith(f" (and {more} more)" if more else "")
+    assert f"not verified, status verification_failed: {back.violation}" in repr(back)
     again = planner.load_plan(back.save(tmp_path / "y.json"))
-    assert (again.verified, again.status, again.why) == (False, back.status, back.why)
+    assert (again.verified, again.status, again.violation) == (False, back.status, back.violation)
     with pytest.raises(planner.InputError, match=r"x\.json is marked as a verified plan, but"):
         planner.load_plan(path, strict=True)
 
@@ -112,7 +112,7 @@ def test_what_the_file_says_is_not_believed(
     back = planner.load_plan(edited(law, tmp_path / "x.json", edit))
     if says:
         assert (back.verified, back.certificate) == (False, None)
-        assert re.search(says, back.why)
+        assert re.search(says, back.violation)
     else:
         assert (back.verified, back.certificate) == (True, law.certificate)
 
@@ -163,7 +163,7 @@ def test_a_clock_cut_in_half_says_so(retimed: planner.Plan, tmp_path: Path) -> N
 
     back = planner.load_plan(edited(retimed, tmp_path / "x.json", edit))
     assert not back.verified
-    assert back.why.startswith("the clock goes from 0 to ")
+    assert back.violation.startswith("the clock goes from 0 to ")
 
 
 def test_a_plan_that_never_claimed_to_be_one_keeps_its_status(
@@ -172,13 +172,13 @@ def test_a_plan_that_never_claimed_to_be_one_keeps_its_status(
     fig5 = planner.load_problem(Path(paper.source).parent / "paper-fig5.toml")
     singular = planner.solve(fig5, "polynomial", allow_singular=True)
     back = planner.load_plan(singular.save(tmp_path / "x.json"), strict=True)
-    assert (back.verified, back.status, back.why) == (False, "singular", "")
+    assert (back.verified, back.status, back.violation) == (False, "singular", "")
     with pytest.raises(planner.VerificationError) as caught:
         planner.solve(paper.changed({"goal.travel": 0.82}), "polynomial")
     refused = caught.value.plan
     assert refused is not None
     back = planner.load_plan(refused.save(tmp_path / "y.json"), strict=True)
-    assert (back.verified, back.status, back.why) == (False, "verification_failed", "")
+    assert (back.verified, back.status, back.violation) == (False, "verification_failed", "")
     # An edited one may not borrow a certificate either.
     lying = replace(refused, certificate=planner.certify(planner.solve(paper)))
     back = planner.load_plan(lying.save(tmp_path / "z.json"))
@@ -237,7 +237,7 @@ def test_every_objective_of_collocation_is_told_by_its_terms(
 ) -> None:
     plan = planner.solve(paper.changed(changes))
     true = planner.load_plan(plan.save(tmp_path / "true.json"))
-    assert (true.objective, true.claimed) == (plan.objective, ())
+    assert (true.objective, true.file_figures) == (plan.objective, ())
     path = edited(plan, tmp_path / "x.json", put("objective", 0.9 * plan.objective))
     with pytest.warns(planner.InputWarning, match="objective"):
         assert planner.load_plan(path).objective == pytest.approx(plan.objective, rel=1e-9)
@@ -274,7 +274,7 @@ def test_what_no_motion_tells_is_no_objective_of_it(
     given = {"objective_name": "of an earlier version", "aim": aim, "objective": 1}
     path = edited(optimal, tmp_path / "x.json", lambda d: d.update(given))
     back = planner.load_plan(path)
-    assert (back.objective, back.claimed, back.objective_name) == (1, ("objective",), name)
+    assert (back.objective, back.file_figures, back.objective_name) == (1, ("objective",), name)
     assert repr(back).endswith("verified, only its file says: objective)")
 
 
@@ -285,13 +285,13 @@ def test_a_false_proof_of_a_convex_plan_is_dropped(
     plan = planner.solve(paper, "convex", objective=objective, pieces=20)
     true = planner.load_plan(plan.save(tmp_path / "true.json"))
     assert (true.objective, true.notes) == (plan.objective, plan.notes)
-    assert (plan.claimed, true.claimed) == ((), ("notes.optimality",))
+    assert (plan.file_figures, true.file_figures) == ((), ("notes.optimality",))
     false = edited(plan, tmp_path / "false.json", put("objective", 0.9 * plan.objective))
     with pytest.warns(planner.InputWarning, match="objective"):
         back = planner.load_plan(false)
     assert back.objective == pytest.approx(plan.objective, rel=1e-9)
     assert "optimality" not in back.notes
-    assert back.claimed == ()
+    assert back.file_figures == ()
 
 
 def test_the_export_says_what_only_the_file_says(
@@ -324,7 +324,7 @@ def test_a_length_that_nearly_stands_still_is_not_integrated(
 
     back = planner.load_plan(edited(retimed, tmp_path / "x.json", still))
     assert not back.verified
-    assert back.why.startswith("its length nearly stands still at 0 s of the path")
+    assert back.violation.startswith("its length nearly stands still at 0 s of the path")
 
 
 def test_a_file_of_many_pieces_is_refused(law: planner.Plan, tmp_path: Path) -> None:

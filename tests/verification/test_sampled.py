@@ -78,7 +78,7 @@ def test_a_bump_beside_the_way_changes_nothing(aside: planner.Plan) -> None:
     found, check = judge(over_a_bump(aside, 2000.0, 1e-4, at=1.5))
     assert check.ok
     assert found.certificate is not None
-    assert found.certificate.only_sampled == ()
+    assert found.certificate.sampled_labels == ()
     assert "sampled" not in repr(found)
 
 
@@ -97,7 +97,7 @@ def test_what_is_only_sampled_stands_in_print_json_and_file(
         plan = planner.solve(paper.changed({"limits.bump": [-1.0, 0.1]}))
         certificate = plan.certificate
         assert certificate is not None
-        assert certificate.only_sampled == ("bump",)
+        assert certificate.sampled_labels == ("bump",)
         assert repr(plan).endswith("verified, only sampled: bump)")
         assert "only sampled: bump (" in str(certificate)
         path = plan.save(tmp_path / "plan.json")
@@ -156,7 +156,7 @@ def test_rounding_of_inputs_is_no_slope(paper: planner.Problem) -> None:
     rated = {"limits.input_rate_rad_s2": 5.0, "goal.duration": "free", "goal.travel": 0.829}
     plan = planner.solve(paper.changed(rated), "convex")
     certificate = planner.certify(plan)
-    assert "rate of input u2" in certificate.only_sampled
+    assert "rate of input u2" in certificate.sampled_labels
     once, motion = examine(plan)
     again, _ = examine(plan, certificate.edges, motion)
     assert plan.verified

@@ -218,7 +218,7 @@ class _Approach:
         side: int,
     ) -> None:
         self._rates, self._lost = plan.problem.system.rates, lost
-        begins = plan.q if turns_back(plan) else plan.wanted  # as in `Course`
+        begins = plan.q if turns_back(plan) else plan.reference  # as in `Course`
         self._start, self._way, self._speed = begins(plan.lead_s), way, speed
         self._rate = plan.problem.limits.input_rate
         most = min(np.deg2rad(most_deg), plan.problem.limits.joint[1] - np.deg2rad(APPROACH_DEG))

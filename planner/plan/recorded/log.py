@@ -189,7 +189,7 @@ class Log(Frozen):
         second those from the motion that it expects; they differ for a compensated plan.
         """
         t = self.t - self.start_s(plan)
-        wanted, expected = plan.wanted(t), plan.trajectory.q(t)
+        wanted, expected = plan.reference(t), plan.trajectory.q(t)
         both = (self.theta_deg - np.rad2deg(q[:, 1:]) for q in (wanted, expected))
         return next(both), next(both)
 

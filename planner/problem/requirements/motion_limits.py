@@ -101,10 +101,11 @@ class SymmetricLimit(Requirement):
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """One part for each limited input or coordinate."""
-        every = enumerate(zip(self.quantities, self.most, self.keys, strict=True))
+        names = [named.name.replace("_", " ") for named in self.quantities]
+        every = enumerate(zip(names, self.quantities, self.most, self.keys, strict=True))
         return tuple(
-            Part(f"{self.words} {named.name}", self._unit(named), -most, most, most, i, key)
-            for i, (named, most, key) in every
+            Part(f"{self.words} {name}", self._unit(named), -most, most, most, i, key)
+            for i, (name, named, most, key) in every
             if np.isfinite(most)
         )
 

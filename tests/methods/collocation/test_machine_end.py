@@ -50,10 +50,10 @@ def test_errors_are_measured_from_the_predicted_motion(turning: Plan, tmp_path: 
     run = nominal(turning)
     assert run.index_E_deg[0] < 0.05
     assert 4 < turning.notes["from_ideal_deg"] < 7
-    np.testing.assert_allclose(turning.wanted(5.0), turning.q(5.0))
+    np.testing.assert_allclose(turning.reference(5.0), turning.q(5.0))
     loaded = planner.load_plan(turning.save(tmp_path / "plan.json"))
     assert loaded == turning
-    np.testing.assert_allclose(loaded.wanted(5.0), turning.wanted(5.0))
+    np.testing.assert_allclose(loaded.reference(5.0), turning.reference(5.0))
     assert turning.label == "collocation"
     state = PAPER.after(turning).machine.start_state
     assert np.abs(state[2:]).max() < 0.35  # as it started: near the middle

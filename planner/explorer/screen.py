@@ -215,29 +215,20 @@ SECOND = {"polynomial": "collocation"}
 constraint points that it chooses."""
 
 
-MEDIANS = (name for name, one in STATISTICS.items() if one.percent == 50)
-ROW = ("effort", "peak_u", "duration_s", *MEDIANS)
-"""Figures of a plan's row, those of comparisons; the sensitivity follows."""
-
-
 def plan_row(plan: Plan | None, found: Sensitivity | None, run: Replay | None) -> list[list[Any]]:
-    """Return the plan's figures, each as title, unit and number; none without a motion."""
+    """Return the plan's figures in comparisons and its sensitivity, each as title, unit and number;
+    none without a motion."""
     if plan is None or found is None:
         return []
-    system, known = plan.problem.system, figures(Row)
-    values: dict[str, Any] = {
-        "effort": plan.effort,
-        "peak_u": plan.peak_u,
-        "duration_s": plan.duration,
-    }
-    if run is not None:
-        values |= {name: one.of(run) for name, one in STATISTICS.items()}
+    known = figures(Row)
+    values = dict[str, Any](effort=plan.effort, peak_u=plan.peak_u, duration_s=plan.duration)
+    for name, one in STATISTICS.items():
+        if one.percent == 50:
+            values[name] = np.nan if run is None else one.of(run)
     row = [
-        [heading.title, heading.unit_of(system), value]
-        for name in ROW
-        for heading, value in zip(
-            known[name].headings, np.ravel(values.get(name, np.nan)), strict=True
-        )
+        [heading.title, heading.unit_of(plan.problem.system), number]
+        for name, value in values.items()
+        for heading, number in zip(known[name].headings, np.ravel(value), strict=True)
     ]
     row.append(["sensitivity", "deg", found.passive_block_deg()])
     return list(jsonable(row))

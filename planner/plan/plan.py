@@ -275,9 +275,8 @@ class Plan(Frozen):
             "aim": {"kind": self.aim.kind, "terms": dict(self.aim.terms)},
             "certificate": None if self.certificate is None else self.certificate.to_dict(),
             "trajectory": self.trajectory.to_dict(),
+            **({"why": self.violation} if self.violation else {}),
         }
-        if self.violation:
-            data["why"] = self.violation
         if self.compensation is not None:
             data["compensation"] = {
                 "plan": self.compensation.plan.to_dict(),
@@ -303,13 +302,11 @@ class Plan(Frozen):
     def __repr__(self) -> str:
         state = "verified" if self.verified else f"not verified, status {self.status}"
         state += f": {self.violation}" if self.violation else ""
-        name = self.method
-        name += " compensated" * self.is_compensated
         if self.compensation is not None:
             state += " on the nominal machine" if self.verified else ""
         said = ", ".join([*self._figures, state, *self.reservations])
         travel = f"{self.travel:.4g} {self.problem.system.coordinates[0].unit}"
-        return f"Plan({name}: travel {travel} in {self.duration:.4g} s, {said})"
+        return f"Plan({self.label}: travel {travel} in {self.duration:.4g} s, {said})"
 
     @property
     def _figures(self) -> list[str]:

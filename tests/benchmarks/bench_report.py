@@ -18,7 +18,7 @@ import matplotlib
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
 from bench_cases import PROBLEMS, cases
-from matplotlib.ticker import FormatStrFormatter
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from planner.support.files import write_bytes, write_text
 from planner.support.package import provenance
@@ -105,7 +105,7 @@ def _page(found: dict[str, Any]) -> str:
         cores=os.cpu_count(),
         left_out=f"\nLeft out, for they were not installed: {out}.\n" if out else "",
     )
-    parts = [head, "![times of all contestants and scaling](speed.png)\n"]
+    parts = [head, "![times of all contestants and growth with the size](speed.png)\n"]
     for case in cases():
         parts.append(f"## {case.what[0].upper()}{case.what[1:]} ({case.name})\n")
         parts.append(_table(found["contests"][case.name]))
@@ -184,32 +184,38 @@ def _targets(found: dict[str, Any]) -> str:
 
 
 def _picture(found: dict[str, Any], path: io.BytesIO) -> None:
-    figure, axes = plt.subplots(
-        1, 3, figsize=(13, 4.8), width_ratios=[2, 1, 1], layout="constrained"
-    )
-    names = [*dict.fromkeys(name for rows in found["contests"].values() for name in rows)]
-    width = 0.8 / len(names)
-    colours = plt.get_cmap("tab20").colors
-    for i, name in enumerate(names):
-        for k, rows in enumerate(found["contests"].values()):
-            if name in rows and rows[name]["objective"] == rows[name]["objective"]:
-                label = name if k == 0 else None
-                at = k + (i - len(names) / 2) * width
-                axes[0].bar(at, 1e3 * rows[name]["least_s"], width, color=colours[i], label=label)
-    axes[0].set_yscale("log")
-    axes[0].set_ylabel("least time, ms")
-    axes[0].set_xticks(range(len(found["contests"])), list(found["contests"]))
-    axes[0].yaxis.set_major_formatter(PLAIN)
-    figure.legend(fontsize=8, ncols=5, loc="outside lower left")
-    for axis, key, label in ((axes[1], "intervals", "intervals"), (axes[2], "joints", "states")):
+    """Above: each problem's times, ours in blue; below: how the time grows with the size."""
+    contests = found["contests"]
+    names = [*dict.fromkeys(name for rows in contests.values() for name in rows)][::-1]
+    figure = plt.figure(figsize=(13, 6.4), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=[3, 2])
+    above.suptitle("Time to plan each problem (ms of processor time)")
+    what = {case.name: case.what for case in cases()}
+    for axis, (problem, rows) in zip(
+        above.subplots(1, len(contests), sharey=True), contests.items(), strict=True
+    ):
+        times = [1e3 * rows[name]["least_s"] if name in rows else 0.0 for name in names]
+        colours = ["#0072b2" if "planner" in name else "#bbbbbb" for name in names]
+        bars = axis.barh(range(len(names)), times, color=colours)
+        axis.bar_label(bars, [f"{each:.3g}" if each else "" for each in times], padding=3)
+        axis.set_yticks(range(len(names)), names)
+        axis.set_title(f"{what[problem]}\n({problem})", fontsize=9)
+        axis.margins(x=0.2)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.set_xticks([])
+    below.suptitle("Time of one iteration (ms)")
+    for axis, key, label in zip(
+        below.subplots(1, 2), ("intervals", "joints"), ("intervals", "states"), strict=True
+    ):
         rows = found[key]["rows"]
         sizes = [int(size) for size in rows]
         axis.loglog(sizes, [1e3 * row["per_iteration_s"] for row in rows.values()], "o-")
         axis.set_xlabel(label)
-        axis.set_ylabel("time an iteration, ms")
         axis.set_xticks(sizes, [str(size) for size in sizes])
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.yaxis.set_minor_locator(LogLocator(subs=(2, 4, 7)))
         axis.yaxis.set_minor_formatter(PLAIN)
         axis.yaxis.set_major_formatter(PLAIN)
-        axis.set_title(f"time grows as {label}^{found[key]['exponent']:.2f}")
-    figure.savefig(path, dpi=150)
+        axis.set_title(f"grows as {label} to the power {found[key]['exponent']:.2f}", fontsize=9)
+    figure.savefig(path, dpi=120)
     plt.close(figure)

@@ -363,7 +363,9 @@ def test_numbers_are_typed_beside_every_slider(show: Any) -> None:
     assert min(slider.bounding_box()["width"] for slider in shown) >= 160
     field = number(page, "goal.theta_deg:0")
     field.fill("45")
-    field.press("Enter")
+    before = int(page.locator(".px").get_attribute("data-number"))
+    field.press("Enter")  # with the field still in focus
+    page.wait_for_function(f"Number(document.querySelector('.px').dataset.number) > {before}")
     settled(page)
     exact = number(page, "goal.travel")
     exact.fill("0.82123456")

@@ -66,15 +66,18 @@ function makeSlider(c, changed) {
   input.onpointerup = input.onpointercancel = () => (grabbed = false);
   input.oninput = () => set(fromSlider(now, Number(input.value)));
   number.oninput = () => (typing = true);
-  number.onchange = () => {
+  const take = () => {
+    if (!typing) return;
     typing = false;
     const value = Number(number.value);
     if (number.value === "" || !Number.isFinite(value)) show();
     else set(now.integer ? Math.min(now.high, Math.max(now.low, Math.round(value))) : value);
   };
+  number.onchange = take;
   number.onblur = () => (typing = false);
   row.addEventListener("keydown", (event) => {
     const { key, target } = event;
+    if (key === "Enter" && target === number) take(); // Jupyter keeps it from being a change
     if (!(key in KEYS) || target === box || (target === number && /Left|Right/.test(key))) return;
     event.preventDefault();
     const from = target === number && number.value !== "" ? Number(number.value) : now.shown;

@@ -87,7 +87,8 @@ def _decisive_figures(study: DesignStudy) -> list[DesignFigure]:
 def _front(ax: Any, study: DesignStudy) -> None:
     """Plot the designs and their Pareto front.
 
-    The axes are the front's first two figures of merit, or the only one and the contacts' load.
+    The axes are the front's first two figures of merit, or the only one and the contacts' load. A
+    line joins the front if these are all its figures.
     """
     x, *rest = study.front_by
     y = rest[0] if rest else next(f for f in study.figures if f.key == CONTACT_LOAD)
@@ -104,7 +105,7 @@ def _front(ax: Any, study: DesignStudy) -> None:
     for label, marker, colour, rows in (
         ("solves fewer tasks", "v", OTHER_COLOUR, fewer),
         ("contacts slip (at an edge: beyond it)", "x", SLIP_COLOUR, slipping),
-        ("", "o", COLOURS[0], holding),
+        ("beaten by another", "o", OTHER_COLOUR, [r for r in holding if r not in study.front]),
     ):
         if rows:
             values = ([r[figure.key] for r in rows] for figure in (x, y))
@@ -113,7 +114,8 @@ def _front(ax: Any, study: DesignStudy) -> None:
             ax.scatter(*places, label=label or None, **look)
     front = sorted(study.front, key=lambda row: row[x.key])
     line = [r[x.key] for r in front], [r[y.key] for r in front]
-    ax.plot(*line, color=COLOURS[0], linewidth=1.2, label="no other design beats these")
+    joined = "-" if len(study.front_by) <= 2 else ""  # a front of more figures is no curve here
+    ax.plot(*line, f"o{joined}", color=COLOURS[0], zorder=3, label="no other design beats these")
     ring = {"s": 130, "facecolor": "none", "linewidth": 2.0, "zorder": 4}
     present = next((row for row in built if not row.design.values), None)
     for row, colour, label in (

@@ -123,7 +123,7 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
         axes: Axes to draw into: rows × plans of them, in reading order.
 
     Returns:
-        The figure and its axes, shape (rows, plans).
+        The figure and its axes, shape (rows, plans); more than four plans go on below.
 
     Raises:
         InputError: If there is nothing to draw or `axes` do not fit.
@@ -188,19 +188,25 @@ def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 
 
 def _columns(plans: Sequence[Panels], drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """Draw a figure with one column per plan; a plan's panels with the same id share axes."""
+    """Draw a figure with one column per plan, four abreast; a plan's panels with the same id share
+    axes."""
     columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plans]
-    figure, axes, _ = grid(len(columns[0]), len(drawn), axes, share=("col", "row"))
+    abreast, deep = len(drawn) if axes is not None else min(len(drawn), 4), len(columns[0])
+    figure, axes, _ = grid(deep * -(-len(drawn) // abreast), abreast, axes, share=("all", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
-        for ax, same in zip(axes[:, k], column, strict=True):
+        places = axes[deep * (k // abreast) :, k % abreast][:deep]
+        for ax, same in zip(places, column, strict=True):
             _draw_same(ax, same, drawn)
-            if k:
+            if k % abreast:
                 ax.set_ylabel("")
-        axes[0, k].set_title(curve.title, fontsize=10)
-        axes[-1, k].set_xlabel(time_label([curve.plan]))
-    for row, cells in zip(axes, zip(*columns, strict=True), strict=True):
+        places[0].set_title(curve.title, fontsize=10)
+        places[-1].set_xlabel(time_label([curve.plan]))
+        places[-1].tick_params(labelbottom=True)
+    for ax in axes[-deep:, (len(drawn) - 1) % abreast + 1 :].flat:
+        ax.set_visible(False)
+    for row, cells in enumerate(zip(*columns, strict=True)):
         view = panels.common_view([panel for cell in cells for panel in cell])
-        for ax in row if view else ():
+        for ax in axes[row::deep].flat if view else ():
             ax.set_ylim(view)
     return figure, axes
 

@@ -239,7 +239,7 @@ def _errors(ax: Any, result: Sensitivities) -> None:
 def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
     """Draw what each machine effect adds to the error E and to its variance, as bars.
 
-    Error bars are 95 % intervals. `planner.robustness.budget.Cost` explains "saves" and "alone".
+    Error bars are 95 % intervals. `planner.robustness.budget.Cost` explains the four kinds.
 
     Args:
         budget: The budget.
@@ -252,10 +252,12 @@ def plot_budget(budget: Budget, *, axes: Any = None) -> tuple[Figure, Any]:
     costs, places = budget.costs, np.arange(len(budget.costs))
     figure, axes, ours = grid(1, 2, axes, size=(5.2, 0.3 * len(costs) + 1.2), share=("none", "all"))
     left, right = axes[0]
-    _bars(left, places - 0.2, [c.saves_deg for c in costs], _reach(costs, "saves"), 0, "saves")
-    _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, "alone")
+    off, alone = "saved by switching it off", "alone, all others off"
+    _bars(left, places - 0.2, [c.saves_deg for c in costs], _reach(costs, "saves"), 0, off)
+    _bars(left, places + 0.2, [c.alone_deg for c in costs], _reach(costs, "alone"), 1, alone)
     left.set_xlabel("error index E (deg)")
-    for k, (kind, label) in enumerate((("between", "between machines"), ("switch", "on or off"))):
+    labels = {"between": "its spread between machines", "switch": "switching it on or off"}
+    for k, (kind, label) in enumerate(labels.items()):
         indices = [getattr(c, kind) or Index(np.nan, np.nan, np.nan, np.nan) for c in costs]
         values, half = [i.total for i in indices], [i.total_half for i in indices]
         _bars(right, places + (k - 0.5) * 0.4, values, half, 2 + k, label)

@@ -142,6 +142,16 @@ def test_the_picture_has_bars_or_a_map(study: planner.DesignStudy) -> None:
         plot_design(study.rows[0])  # type: ignore[arg-type]
 
 
+def test_a_front_is_joined_where_it_is_a_curve(study: planner.DesignStudy, folder: Path) -> None:
+    """Of four figures of merit it is none in two of them."""
+    two = planner.design_study({**STUDY, "front": ["effort", "spread_deg"]}, folder, workers=0)
+    for each, style in ((study, "None"), (two, "-")):
+        _, axes = plot_design(each)
+        (front,) = axes[0, 0].lines
+        assert front.get_linestyle() == style
+        assert len(front.get_xdata()) == len(each.front)
+
+
 def test_rows_of_different_variables_are_bars_and_a_grid_is_a_map(
     folder: Path, study: planner.DesignStudy
 ) -> None:

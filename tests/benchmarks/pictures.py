@@ -29,12 +29,15 @@ VIEWS: dict[str, tuple[int, str, float]] = {
     "dark": (1100, "dark", 6.0),
     "phone": (390, "light", 3.0),
 }
+SHOWN_PX = 2400
+"""Height of a picture: answer, motion and numbers; the whole page has 6,000 pixels."""
+
 HEAD = """# The report's page
 
 `planner compare problems/paper.toml --feedback --out out/paper --report` writes it. It begins with
 the plan to take, because of what, and at what price; the motion opens on that plan beside
-collocation's. Wide and pale curves are plans whose compensated plans run on top of them. The
-pictures are of 200 machines.
+collocation's. The pictures show how the page begins, for 200 machines; all figures over time
+follow below.
 
 {provenance}
 
@@ -64,7 +67,7 @@ def main() -> int:
 
 
 def picture(browser: Any, path: Path, width: int, scheme: str, t: float) -> bytes:
-    """The whole page with the motion's clock at t, in few colours."""
+    """The beginning of the page with the motion's clock at t, in few colours."""
     context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme)
     page = context.new_page()
     page.goto(path.as_uri())
@@ -73,6 +76,7 @@ def picture(browser: Any, path: Path, width: int, scheme: str, t: float) -> byte
     )
     shot = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
     context.close()
+    shot = shot.crop((0, 0, shot.width, min(shot.height, SHOWN_PX)))
     small = shot.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     stream = io.BytesIO()
     small.save(stream, "PNG", optimize=True)

@@ -140,7 +140,7 @@ def test_a_file_gives_it_back_and_is_judged_again(better: Plan, tmp_path: Path) 
     path.write_text(json.dumps(data), encoding="utf-8")
     changed = planner.load_plan(path)
     assert not changed.verified
-    assert "nominal machine's motion" in changed.why or "goal" in changed.why
+    assert "nominal machine's motion" in changed.violation or "goal" in changed.violation
 
 
 def test_a_motion_that_the_machine_does_not_make_is_seen(better: Plan) -> None:

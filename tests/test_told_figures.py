@@ -55,12 +55,17 @@ def test_a_page_is_signed_with_the_commit_that_changed_the_package() -> None:
 
 
 def test_the_readme_counts_the_random_problems_as_their_page_does() -> None:
-    page, told = read("results/stress/README.md"), read("README.md").replace(",", "")
-    done = re.search(r"^(\d+) of \d+ problems", page, flags=re.M)
-    verified = re.search(r"\*\*(\d+) verified", page)
-    assert done
-    assert verified
-    assert f"{verified[1]} of {done[1]} random problems" in told
+    found = re.search(r"\*\*(\d+ of \d+) verified\*\*", read("results/stress/README.md"))
+    assert found
+    assert f"{found[1]} random problems" in " ".join(read("README.md").split())
+
+
+def test_the_readme_tells_the_least_peak_of_the_plain_polynomial(paper: planner.Problem) -> None:
+    with pytest.raises(planner.NoPlanError) as refused:
+        planner.solve(paper, "polynomial")
+    (broken,) = refused.value.violations
+    assert f"u2 still reaches {broken.value:.2f} rad/s" in " ".join(read("README.md").split())
+    assert f"u2 reaches {broken.value:.2f} rad/s near" in read("docs/howto/explore.md")
 
 
 @pytest.mark.campaign

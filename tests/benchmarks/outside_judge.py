@@ -285,13 +285,13 @@ def judged(path: Path) -> tuple[str, str]:
         except planner.InputError as error:
             return "no form", str(error)
         if said.trajectory.flaw:
-            assert found.why
-            return "no form", found.why
+            assert found.violation
+            return "no form", found.violation
         try:
             worst, label = excess(said)
         except AssertionError as error:  # DOP853 gives up
             worst, label = np.inf, str(error)
-    words = f"{found.why or 'accepted'}; from outside {worst:.4g} tolerances ({label})"
+    words = f"{found.violation or 'accepted'}; from outside {worst:.4g} tolerances ({label})"
     if abs(worst - 1) < CLOSE:
         return "too close", words
     if found.verified == (worst < 1):

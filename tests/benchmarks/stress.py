@@ -8,6 +8,9 @@ families, kinds and numbers of joints are mixed from the beginning (two and thre
 at 15 % of it): what has been run is at any time a fair sample. A case that failed is run again
 by another version. At the end results/stress/README.md is written; `--minutes 0` does only that.
 
+`--sample` runs the first problems of that order anew, all by this version, in less than an hour;
+its records are results/stress/sample.txt.
+
 An older version measures itself on the same problems, by this script and its own interpreter:
 
     OLD/.venv/bin/python tests/benchmarks/stress.py --records results/stress/before.txt
@@ -36,6 +39,9 @@ import planner
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "results" / "stress"
+SAMPLE = "n2:150,n3:150,n4:40,systems:30"
+"""So many problems of each group are run by `--sample`."""
+
 CUT = {"n5": 1800.0, "n6": 1800.0}
 """Seconds granted to a case, where the version knows time limits."""
 
@@ -80,13 +86,18 @@ def main() -> int:
     parser.add_argument("--first", default="", help="only so many of each group, as n2:100,n4:20")
     parser.add_argument("--failed", action="store_true", help="only what other versions failed")
     parser.add_argument("--like", type=Path, help="only what was verified there, and page left out")
+    parser.add_argument("--sample", action="store_true", help=f"{SAMPLE}, by this version alone")
     given = parser.parse_args()
+    if given.sample:
+        given.records, given.first = FOLDER / "sample.txt", SAMPLE
     part, parts = map(int, given.share.split("/"))
     most = dict(word.split(":") for word in given.first.split(",") if word)
     end, version = time.monotonic() + 60 * given.minutes, commit()
     if given.minutes > 0:  # what is imported when first used is in no case's time
         planner.solve(planner.load_problem(ROOT / "problems" / "paper.toml"), "collocation")
     known, other = read(given.records), read(given.like) if given.like else None
+    if given.sample:
+        known = {case: record for case, record in known.items() if record.version == version}
     begun = Counter[str]()
     for case in order():
         if other is not None and case.kind == "random":
@@ -98,8 +109,10 @@ def main() -> int:
         if chosen and case.number % parts == part - 1 and time.monotonic() < end:
             run(case, version, given.records, known, other)
     if other is None:
-        before = read(given.records.with_name("before.txt"))
-        text = page(read(given.records), before, failures(given.records))
+        now, before, few = (
+            given.records.with_name(f"{a}.txt") for a in ("now", "before", "sample")
+        )
+        text = page(read(now), read(before), failures(now), [*lines(few)])
         given.records.with_name("README.md").write_text(text, encoding="utf-8")
     return 0
 
@@ -211,8 +224,10 @@ where a later version refuses it.
 """
 
 
-def page(now: Records, before: Records, failed: Sequence[Record]) -> str:
-    """All that is known, as Markdown."""
+def page(
+    now: Records, before: Records, failed: Sequence[Record], few: Sequence[Record] = ()
+) -> str:
+    """All that is known, as Markdown; `few` are the records of samples."""
     cases = [r for r in now.values() if r.case.kind != "random"]
     count = Counter(r.outcome for r in cases)
     head = HEAD.format(
@@ -228,7 +243,8 @@ def page(now: Records, before: Records, failed: Sequence[Record]) -> str:
             for name, many in Counter(r.version for r in [*cases, *before.values()]).items()
         ),
     )
-    parts = [head, _compared(cases, before), _random(now), _stages(cases), _families(cases)]
+    parts = [head, _sample(few), _compared(cases, before), _random(now), _stages(cases)]
+    parts.append(_families(cases))
     if failed:
         each = (
             f"- {_name(r.case)}: {r.outcome} by {r.version}, {now[r.case].outcome} by"
@@ -238,6 +254,26 @@ def page(now: Records, before: Records, failed: Sequence[Record]) -> str:
         title = f"## Failed, by any version of the campaign\n\n{KNOWN}\n"
         parts.append(title + "\n".join(each) + "\n")
     return "\n".join(part for part in parts if part)
+
+
+def _sample(few: Sequence[Record]) -> str:
+    """What the version that ran the sample last found, alone."""
+    if not few:
+        return ""
+    version = few[-1].version
+    ran = {r.case: r for r in few if r.version == version and r.case.kind != "random"}.values()
+    groups = Counter(r.case.group for r in ran)
+    names = {"n2": "two joints", "n3": "three", "n4": "four", "systems": "other systems"}
+    of = ", ".join(f"{many} of {names[group]}" for group, many in sorted(groups.items()))
+    verified = sum(r.outcome == "verified" for r in ran)
+    rest = [f"- {_name(r.case)}: {r.outcome}. {r.why}" for r in ran if r.outcome != "verified"]
+    return (
+        "## By one version\n\n`python tests/benchmarks/stress.py --sample` runs the first problems"
+        f" of the same order anew ({of}): **{verified} of {len(ran)} verified** by {version}, in"
+        f" {sum(r.cpu for r in ran):.0f} CPU s of search.\n"
+        + "\n".join(["", *rest])
+        + "\n" * bool(rest)
+    )
 
 
 def _compared(cases: Sequence[Record], before: Records) -> str:

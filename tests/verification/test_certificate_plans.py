@@ -186,7 +186,7 @@ def test_laws_of_a_system_whose_chart_is_solved_numerically(method: str) -> None
         assert np.max(bounds) < 1e-7
     limits = plan.problem.limits.input
     peak = np.max(np.abs(plan.u(np.linspace(0.0, plan.duration, 20001))), axis=0)
-    for i, label in enumerate(("input speed", "input turn_rate")):
+    for i, label in enumerate(("input speed", "input turn rate")):
         assert plan.certificate[label].guaranteed == pytest.approx(limits[i] - peak[i], abs=1e-4)
 
 

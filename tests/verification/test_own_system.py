@@ -55,7 +55,7 @@ def test_a_file_is_a_plan_of_the_arm_that_it_names(optimal: planner.Plan, tmp_pa
     moved = replace(optimal, problem=optimal.problem.changed({"system.K": [0.9, 0.7]}))
     back = planner.load_plan(moved.save(tmp_path / "plan.json"))
     assert not back.verified
-    assert "theta" in back.why or "q(t)" in back.why
+    assert "theta" in back.violation or "q(t)" in back.violation
 
 
 class _Twin(Manipulator):

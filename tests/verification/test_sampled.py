@@ -169,7 +169,7 @@ def test_a_slope_between_the_points_of_the_first_reading_is_seen_by_the_second()
     """A law over a ridge of 1e-13 m turns at 29 rad/s² for some 1e-7 s."""
     law = planner.solve(unicycle(SMOOTH), "polynomial")
     ridge = unicycle(f"{SMOOTH} + 1e-13*exp(-((y-0.5123)/1e-8)**2)")
-    problem, label = ridge.changed({"limits.input_rate": [10.0, 10.0]}), "rate of input turn_rate"
+    problem, label = ridge.changed({"limits.input_rate": [10.0, 10.0]}), "rate of input turn rate"
     moved = replace(law, problem=problem, trajectory=replace(law.trajectory, system=problem.system))
     assert verify(moved).ok
     certificate = planner.certify(moved)

@@ -85,11 +85,11 @@ def test_whoever_returns_a_verified_plan_asks_the_certificate(
             assert "bump" in broken(info.value)
         back = planner.load_plan(narrow.save(tmp_path / "narrow.json"))
         assert (back.verified, back.certificate) == (False, None)
-        assert "bump reaches 1" in back.why
+        assert "bump reaches 1" in back.violation
         data = json.loads(narrow.save(tmp_path / "bare.json").read_text())
         data["certificate"] = None  # as if it had not been examined
         (tmp_path / "bare.json").write_text(json.dumps(data))
-        assert "bump reaches 1" in planner.load_plan(tmp_path / "bare.json").why
+        assert "bump reaches 1" in planner.load_plan(tmp_path / "bare.json").violation
     with pytest.raises(planner.VerificationError) as info:
         planner.solve(narrow.problem, "polynomial")
     assert "bump" in broken(info.value)
@@ -282,7 +282,7 @@ def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
         path.write_text(json.dumps(data))
         back = planner.load_plan(path)
         assert not back.verified, says
-        assert says in back.why
+        assert says in back.violation
 
 
 def test_a_clock_that_is_none_is_refused_by_all(compensated: planner.Plan) -> None:

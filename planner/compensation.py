@@ -19,7 +19,7 @@ import numpy as np
 from planner.errors import InputError, InputWarning, NoPlanError, TimeLimitError
 from planner.methods import motions
 from planner.methods.collocation.machine_end import MACHINES
-from planner.methods.collocation.transcription.follower import Follower
+from planner.methods.collocation.transcription.follower import Contacts, Follower
 from planner.methods.judgement import judge_plan, judge_slowed, refusal
 from planner.methods.refusal import Change, try_changes
 from planner.methods.registry import find_method, merged_options
@@ -166,7 +166,9 @@ def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]
     from planner.machine.feedback import means
     from planner.machine.feedforward.follow import with_prediction
     from planner.machine.feedforward.legs import start_shares
-    from planner.machine.machine import Machine
+    from planner.machine.friction.contact_load import gear_constants
+    from planner.machine.friction.contacts import friction_capacity, lateral_friction
+    from planner.machine.machine import Machine, draw
 
     system = problem.system
     if not isinstance(system, Manipulator):
@@ -176,11 +178,15 @@ def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]
     play = means.gearhead_play(system, machine)[1:] / 2
     widths = np.append(play, means.lost_motion(system, machine))
     lead = start_shares(machine, system)[1:]
-    passing = means.mean_passing(system, machine, problem.start[None])[0]
+    draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
+    gears, torques = gear_constants(system, draws)[:, 0], draws["coulomb_friction_nm"][:, 0]
+    contact = lateral_friction(draws), friction_capacity(draws), draws["creep"]
+    numbers = [float(each.item()) for each in (*contact, draws["creep_per_nm"])]
+    contacts = Contacts(tuple(gears), tuple(np.broadcast_to(torques, gears.shape)), *numbers)
     signs = [np.zeros(system.n - 1), *map(np.array, product((-1, 1), repeat=system.n - 1))]
-    away = [np.append(0.0, sign * means.lost_spread(machine, system.n - 1)) for sign in signs]
+    away = [np.append(0.0, sign * means.lost_spread(machine, system.n)) for sign in signs]
     rows = tuple(tuple((widths + each).tolist()) for each in away)
-    follower = Follower(rows, tuple(lead.tolist()), tuple(passing.tolist()))
+    follower = Follower(rows, tuple(lead.tolist()), contacts)
     return follower, partial(with_prediction, machine=machine)
 
 

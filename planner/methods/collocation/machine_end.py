@@ -3,8 +3,8 @@
 A joint keeps the distance to its axis in which the last push left it. So a plan from an unwound arm
 must push beyond the goal by the joints' lost motion, then turn back by as much, while the joints
 stand. A solver finds such a turn from a plan without one if the nominal machine's joints are states
-of the programme beside the ideal motion (`transcription.follower`). What the play operator leaves
-out (creep, lag, the load on the contacts) is removed in rounds: each runs the plan on the emulated
+of the programme beside the ideal motion (`transcription.follower`). What that leaves out (lag, the
+load of joints that stand, rounded speeds) is removed in rounds: each runs the plan on the emulated
 machine and moves the programme's end by the remaining error.
 
 With `spread_weight` the objective has a second term: the mean square distance of the ends of other
@@ -20,7 +20,7 @@ from functools import partial
 
 import numpy as np
 
-from planner.errors import NotConvergedError
+from planner.errors import InputError, NotConvergedError
 from planner.methods.collocation.best import Candidate, polish
 from planner.methods.collocation.method import plan_collocation, plan_of, replan_collocation
 from planner.methods.collocation.pipeline import collocation_task
@@ -38,8 +38,9 @@ SMOOTHING_RAD = (0.02, 0.005, 0.001)
 """Angles ε of the play operator, solve by solve. With the first the turn is about 1 degree too
 small; at the last the error of the operator is less than that of its model of the machine."""
 
-INTERVALS = 100
-"""Intervals of the mesh, on which a joint hardly turns by its lost motion in one interval."""
+INTERVALS, MORE_INTERVALS = 100, 1.5
+"""Least number of intervals of the mesh, and its least ratio to the plan's without a turn. A coarse
+mesh costs more: its refinement moves the joints, and each solve then begins far from its answer."""
 
 PATH_SHARE = 0.8
 """Share of the duration for the path in the first guess; the rest is for the turn."""
@@ -47,9 +48,10 @@ PATH_SHARE = 0.8
 END_ROOM_RAD = np.deg2rad(0.01)
 """Room for the end of the nominal machine's joints; without room a solver often finds no step."""
 
-MOST_ROUNDS, GOOD_RAD = 8, np.deg2rad(0.04)
+MOST_ROUNDS, GOOD_RAD = 24, np.deg2rad(0.04)
 """Largest number of rounds on the emulated machine, and the largest error at the end of the nominal
-machine that is good enough: less than half of what the judge allows."""
+machine that is good enough: less than half of what the judge allows. Motors round their speeds, so
+that errors of slow plans of 120 s jump by 0.2 degrees from round to round."""
 
 
 MACHINES: dict[str, Callable[[Problem], tuple[Follower, Callable[[Plan], Plan]]]] = {}
@@ -65,11 +67,15 @@ def plan_to_end(problem: Problem, options: CollocationOptions, warm: Plan | None
     With `end = "machine"` the plan also ends at the goal on the nominal machine.
 
     Raises:
-        InputError: If the option needs an arm with friction disks and the system is none.
+        InputError: If the option needs an arm with friction disks and the system is none, or
+            `spread_weight` has no machines to weigh.
         NotConvergedError: If no plan ends at the goal on the nominal machine too.
     """
     search = plan_collocation if warm is None else partial(replan_collocation, warm=warm)
     if options.end == "plan":
+        if options.spread_weight > 0:
+            why = "method.collocation.spread_weight weighs the ends of machines: it needs end ="
+            raise InputError(f"{why} 'machine'", source=problem.source)
         return search(problem, options)
     follower, run = MACHINES[options.end](problem)
     # The plan alone is not an answer.
@@ -108,7 +114,7 @@ def _turn_beyond(
         job = _towards(job, wanted, smoothing)
         solution = job.solve(iterate_of_inputs(job, iterate.duration, iterate.inputs))
         iterate = solution.iterate
-    plans = list[tuple[float, Plan]]()
+    plans, aims = list[tuple[float, Plan]](), list[Array]()
     while solution.ok and len(plans) < MOST_ROUNDS:
         motion = Candidate(job, solution, near.notes["start"])
         done = polish(motion, options.accuracy, options.refinements)
@@ -121,7 +127,9 @@ def _turn_beyond(
         if plans[-1][0] <= GOOD_RAD:
             break
         model = iterate.joints[[*job.mesh.marks, -1], : errors.shape[1]]
-        job = _towards(job, model - errors, SMOOTHING_RAD[-1])
+        aims.append(model - errors)
+        # The mean of several: errors of one round do not say what the next will have.
+        job = _towards(job, np.mean(aims[len(aims) // 2 :], axis=0), SMOOTHING_RAD[-1])
         solution = job.solve_near(iterate)
     if plans:
         return min(plans, key=lambda each: each[0])[1]
@@ -160,7 +168,8 @@ def _task(
 
     points = sorted(problem.waypoints, key=place)
     reached = replace(problem.within_reach().expecting(end).likely, waypoints=tuple(points))
-    intervals = INTERVALS if options.intervals == "auto" else options.intervals
+    fine = max(INTERVALS, int(MORE_INTERVALS * (len(near.t) - 1)))
+    intervals = fine if options.intervals == "auto" else options.intervals
     mesh = through(intervals, [place(point) for point in points])
     job = collocation_task(reached, options, mesh, follower=follower)
     ends = np.array([q[1:] for q in (*(point.q for point in points), reached.goal)])

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import planner
 from planner import Plan
-from planner.methods.collocation.transcription.follower import Follower
+from planner.machine.feedback.means import mean_passing
+from planner.methods.collocation.machine_end import MACHINES
+from planner.methods.collocation.transcription.follower import PARTS, Contacts, Follower
 
 PAPER = planner.load_problem("problems/paper.toml", {"machine.step_s": 0.002})
 
@@ -104,19 +107,54 @@ def test_what_the_option_cannot_do_is_refused(turning: Plan) -> None:
         planner.solve(planner.load_problem("problems/car.toml"), end="machine")
     with pytest.raises(planner.InputError, match="one of the two"):
         planner.solve(PAPER.changed({"compensation.on": True}), end="machine")
+    with pytest.raises(planner.InputError, match="spread_weight"):
+        planner.solve(PAPER, spread_weight=10)
     with pytest.raises(planner.NoPlanError):
         planner.solve(PAPER.changed({"goal.duration": 3.0}), end="machine")
 
 
 def test_a_follower_is_a_play_operator() -> None:
-    """With a small smoothing it does what a play does, step by step."""
-    follower = Follower(((0.01, 0.06, 0.08),), (0.0, 0.0, 0.0), (1.0, 0.97, 0.97))
+    """With a small smoothing it does what a play does, part by part of an interval."""
+    contacts = Contacts((0.58, 0.48), (0.0, 0.0), 0.0, 1e30, 0.01, 0.0)
+    follower = Follower(((0.01, 0.06, 0.08),), (0.0, 0.0, 0.0), contacts)
     system, start = PAPER.system, PAPER.start
-    ways = np.random.default_rng(0).normal(0.0, 0.05, (200, 2))
+    ways = np.random.default_rng(0).normal(0.0, 0.05, (200, PARTS, 2))
     states = follower.run(system, start, ways, 1e-6)
-    joints, axes = states[:, :3], states[:, 3:]
-    pushed = np.minimum(joints[:-1], axes[1:] + follower.widths)
+    joint, axis = states[0, [0, 3]]
+    for k, parts in enumerate(ways):
+        for way in parts[:, 1]:
+            axis += way
+            joint = min(max(joint, axis - 0.01), axis + 0.01)
+        np.testing.assert_allclose(states[k + 1, [0, 3]], [joint, axis], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["paper", "four-joint"])
+def test_contacts_pass_what_those_of_the_machine_pass(name: str) -> None:
+    """The same formulas in CasADi and in NumPy."""
+    problem = planner.load_problem(f"problems/{name}.toml")
+    n, machine = problem.system.n, planner.Machine.from_table(problem.machine)
+    contacts = MACHINES["machine"](problem)[0].contacts
+    joints = ca.SX.sym("q", n)
+    passing = ca.Function("f", [joints], contacts.passing_expr(ca.vertsplit(joints)))
+    q = np.random.default_rng(0).uniform(0.2, 1.35, (20, n)) * np.sign(np.arange(n) - 1.5)
+    expected = mean_passing(problem.system, machine, np.insert(q, 0, 0.0, axis=1))
     np.testing.assert_allclose(
-        joints[1:], np.maximum(pushed, axes[1:] - follower.widths), atol=1e-5
+        np.array([passing(each) for each in q])[..., 0, 0], expected, atol=5e-5
     )
-    np.testing.assert_allclose(np.diff(axes[:, 0]), ways[:, 1], atol=1e-12)
+    assert expected[:, 1:].min() < 0.87
+
+
+def test_four_joints_end_at_the_goal_on_the_nominal_machine() -> None:
+    """One of ten random pairs of 120 s, in which motors round slow speeds."""
+    problem = planner.load_problem("problems/four-joint.toml").changed(
+        {
+            "start.theta_deg": [11.9, -1.3, -7.9, -8.9],
+            "goal.theta_deg": [-9.8, -2.2, 0.2, 2.1],
+            "goal.duration": 120.0,
+        }
+    )
+    plan = planner.solve(problem, end="machine")
+    assert plan.verified
+    assert plan.effort < 0.7
+    end = np.rad2deg(nominal(plan).q[0, -1, 1:])
+    assert np.abs(end - [-9.8, -2.2, 0.2, 2.1]).max() < 0.05

@@ -18,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
+from planner.methods.collocation.transcription.follower import PARTS
 from planner.methods.collocation.transcription.form import Form, Units
 from planner.plan.measures import EDGE_MARGIN, INTEGRALS
 from planner.problem.requirements.requirement import MotionPoint
@@ -132,6 +133,13 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     x, rows = _Symbols(model, form, order.lifted), _RowList()
     points, rates, defects, inside = _collocation(model, form, order, x)
     after = _motion(model, form, x, rates, rows)
+    if form.follower:
+        scale = x.seconds * form.units.time_s * ca.DM(form.units.inputs) / PARTS
+        ways = [scale * x.input_at((part + 0.5) / PARTS) for part in range(PARTS)]
+        smoothing = x.weights[form.parameters - 1 - (not form.free_duration)]
+        joints, named = form.follower.step(model, x.joints, ways, smoothing)
+        rows.add("carried", 0, np.ones(form.follower.size), joints)
+        after, inside = ca.vertcat(after, *joints), inside + named
     for i, residuals in defects.items():
         rows.add("defect", i, form.scheme.points, residuals)
     columns = [ca.vertcat(*column) for column in points]
@@ -215,11 +223,6 @@ def _motion(
         for i in range(2):
             after.append(x.u_right[i])
             rows.add("carried", i, end, [after[-1]])
-    if form.follower:
-        way = x.seconds * form.units.time_s * ca.DM(form.units.inputs) * (x.u_left + x.u_right) / 2
-        smoothing = x.weights[form.parameters - 1 - (not form.free_duration)]
-        after += form.follower.step(system, x.joints, way, smoothing)
-        rows.add("carried", 0, np.ones(form.follower.size), after[-form.follower.size :])
     return ca.vertcat(*after)
 
 

@@ -161,12 +161,12 @@ def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]
     """Return what `end = "machine"` needs of a problem's machine, see `MACHINES`.
 
     Raises:
-        InputError: If the system is not an arm with friction disks.
+        InputError: If the system is not an arm with friction disks, or on an inclined plane.
     """
     from planner.machine.feedback import means
     from planner.machine.feedforward.follow import with_prediction
     from planner.machine.feedforward.legs import start_shares
-    from planner.machine.friction.contact_load import gear_constants
+    from planner.machine.friction.contact_load import gear_constants, weights
     from planner.machine.friction.contacts import friction_capacity, lateral_friction
     from planner.machine.machine import Machine, draw
 
@@ -179,6 +179,9 @@ def _nominal_machine(problem: Problem) -> tuple[Follower, Callable[[Plan], Plan]
     widths = np.append(play, means.lost_motion(system, machine))
     lead = start_shares(machine, system)[1:]
     draws = draw(machine.nominal(), system.n, np.zeros(1, dtype=np.int64), 0)
+    if weights(draws, system.n) is not None:
+        why = "end = 'machine' of collocation is for a level plane: gravity moves where joints rest"
+        raise InputError(f"{why} (machine.incline_deg)", source=problem.source)
     gears, torques = gear_constants(system, draws)[:, 0], draws["coulomb_friction_nm"][:, 0]
     contact = lateral_friction(draws), friction_capacity(draws), draws["creep"]
     numbers = [float(each.item()) for each in (*contact, draws["creep_per_nm"])]

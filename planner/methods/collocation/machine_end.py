@@ -48,6 +48,9 @@ PATH_SHARE = 0.8
 END_ROOM_RAD = np.deg2rad(0.01)
 """Room for the end of the nominal machine's joints; without room a solver often finds no step."""
 
+REACH = 0.9
+"""Largest distance of the end aimed at for joint 1 from the goal, as a share of its lost motion."""
+
 MOST_ROUNDS, GOOD_RAD = 24, np.deg2rad(0.04)
 """Largest number of rounds on the emulated machine, and the largest error at the end of the nominal
 machine that is good enough: less than half of what the judge allows. Motors round their speeds, so
@@ -129,7 +132,11 @@ def _turn_beyond(
         model = iterate.joints[[*job.mesh.marks, -1], : errors.shape[1]]
         aims.append(model - errors)
         # The mean of several: errors of one round do not say what the next will have.
-        job = _towards(job, np.mean(aims[len(aims) // 2 :], axis=0), SMOOTHING_RAD[-1])
+        aim = np.mean(aims[len(aims) // 2 :], axis=0)
+        # Joint 1 stays within its gearhead's play of the ideal motion.
+        room = REACH * follower.widths[0][0]
+        aim[:, 0] = np.clip(aim[:, 0], wanted[:, 0] - room, wanted[:, 0] + room)
+        job = _towards(job, aim, SMOOTHING_RAD[-1])
         solution = job.solve_near(iterate)
     if plans:
         return min(plans, key=lambda each: each[0])[1]

@@ -82,6 +82,13 @@ def test_an_arm_that_was_homed_hardly_turns() -> None:
     assert np.abs(np.array(homed.notes["end_theta_deg"]) - 30).max() < 0.05
 
 
+def test_links_with_inertia_end_at_the_goal_too() -> None:
+    inert = PAPER.changed({"machine.fidelity": "dynamic"})
+    plan = planner.solve(inert, end="machine")
+    assert plan.verified
+    assert np.abs(np.array(plan.notes["end_theta_deg"]) - 30).max() < 0.05
+
+
 def test_the_machine_keeps_the_limits_too() -> None:
     """Without the machine's joints in the programme θ1 would reach 38 degrees on both."""
     narrow = PAPER.changed({"limits.joint_deg": 36})
@@ -107,6 +114,8 @@ def test_what_the_option_cannot_do_is_refused(turning: Plan) -> None:
         planner.solve(planner.load_problem("problems/car.toml"), end="machine")
     with pytest.raises(planner.InputError, match="one of the two"):
         planner.solve(PAPER.changed({"compensation.on": True}), end="machine")
+    with pytest.raises(planner.InputError, match="incline_deg"):
+        planner.solve(PAPER.changed({"machine.incline_deg": 10}), end="machine")
     with pytest.raises(planner.InputError, match="spread_weight"):
         planner.solve(PAPER, spread_weight=10)
     with pytest.raises(planner.NoPlanError):

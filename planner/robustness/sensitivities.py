@@ -191,7 +191,7 @@ def next_step(problem: Problem, *specs: Spec) -> CommandLine:
         specs: The plans to compare.
     """
     words = "Next, compare the plans on machines"
-    if compensable(problem.system):
+    if compensable(problem.system) and problem.methods.collocation.end == "plan":
         words = "Next, compensate: on arms this reduces errors more than any path"
         specs = tuple(replace(spec, compensated=True) for spec in specs)
     names = dict.fromkeys(spec.text for spec in specs)

@@ -8,7 +8,7 @@ import pytest
 import planner
 from planner import report
 from planner.methods.registry import parse_specs
-from planner.robustness.sensitivities import worth
+from planner.robustness.sensitivities import next_step, worth
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +83,10 @@ def test_plans_with_names_of_the_users_own_get_a_command_that_runs(
     assert sorted(methods.split(",")) == ["collocation compensated", "sinusoid compensated"]
     for spec in parse_specs(paper, methods):
         assert spec.compensated
+
+
+def test_the_next_step_compensates_no_plan_that_ends_at_the_goal_anyway() -> None:
+    for end, word in (("plan", "collocation compensated"), ("machine", "collocation,")):
+        problem = planner.load_problem("problems/paper.toml", {"method.collocation.end": end})
+        specs = parse_specs(problem, ["collocation", "desensitised"])
+        assert word in str(next_step(problem, *specs))

@@ -141,12 +141,6 @@ def test_the_suite_uses_nothing_of_the_campaigns() -> None:
                 assert not {name.partition(".")[0] for name in names} & {*campaigns, "tests"}, path
 
 
-def test_an_old_path_works_and_names_the_new_one() -> None:
-    with pytest.warns(DeprecationWarning, match="planner.paper.cases.paper_problem now"):
-        from planner.reproduce import paper_problem
-    assert paper_problem().name
-
-
 READS_ENGLISH = {
     "cli/app.py:_report_usage_error": "another program's message, cut",
     "cli/start.py:new": "a template in TOML",

@@ -32,6 +32,11 @@ ITERATION_S = 3e-6
 IPOPT takes 2.3 to 4.1 and Fatrop 1.3 to 2.6 microseconds on programmes of 300 to 7,000."""
 
 
+QUIET: dict[str, Any] = dict.fromkeys(("print_time", "show_eval_warnings", "calc_lam_p"), False)
+QUIET_IPOPT = {"print_level": 0, "sb": "yes"}
+"""Options of all solvers of CasADi, and of IPOPT: no words, and no derivatives by parameters."""
+
+
 def iteration_work(problem: dict[str, Any]) -> float:
     """Return the work, s, of one iteration of a solver on a programme of CasADi."""
     return ITERATION_S * float(sum(problem[key].numel() for key in ("x", "g") if key in problem))

@@ -19,7 +19,7 @@ from planner.plan.measures import INTEGRALS
 from planner.problem.tables.method_options import SolverName
 from planner.support import deadline
 from planner.support.arrays import Array
-from planner.support.solver_calls import NlpCall, call_within, iteration_work
+from planner.support.solver_calls import QUIET, QUIET_IPOPT, NlpCall, call_within, iteration_work
 
 NEAR_DISTANCE = 1e-4
 """Initial distance of the unknowns from their bounds if the start is near the answer."""
@@ -183,8 +183,7 @@ class _Ipopt:
     def __init__(self, nlp: Transcription, settings: Settings) -> None:
         row = strategy(nlp, settings)
         options: dict[str, Any] = {
-            "print_level": 0,
-            "sb": "yes",
+            **QUIET_IPOPT,
             "tol": settings.tolerance,
             "constr_viol_tol": settings.tolerance,
             "max_iter": min(settings.max_iterations, row.iterations),
@@ -343,13 +342,7 @@ def _nlpsol(
     """
     program = nlp.program
     known = {"nlp_f": program.f, "nlp_g": program.g, "nlp_jac_g": program.jacobian}
-    common: dict[str, Any] = {
-        "cache": known | functions,
-        "calc_lam_p": False,
-        "print_time": False,
-        "show_eval_warnings": False,
-    }
-    options = {**common, **options}
+    options = {**QUIET, "cache": known | functions, **options}
     if watched:
         return NlpCall(name, "collocation", program.problem, options)
     return ca.nlpsol("collocation", name, program.problem, options)

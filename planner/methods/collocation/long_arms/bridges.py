@@ -18,7 +18,7 @@ from planner.errors import solver_answer
 from planner.problem.problem import Problem
 from planner.support.arrays import Array
 from planner.support.calculus import runge_kutta
-from planner.support.solver_calls import NlpCall
+from planner.support.solver_calls import QUIET, QUIET_IPOPT, NlpCall
 from planner.systems.triangular_system import TriangularSystem
 
 Index = NDArray[np.int64]
@@ -216,7 +216,7 @@ def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any
         "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
         "hess_lag": ca.Function("nlp_hess_l", given, [hessian], given_names, ["hess_gamma_x_x"]),
     }
-    return {"x": w, "p": near, "f": f, "g": g}, {**_QUIET, **derivatives}
+    return {"x": w, "p": near, "f": f, "g": g}, {**_OPTIONS, **derivatives}
 
 
 def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
@@ -253,13 +253,10 @@ def _sparse(height: int, width: int, rows: Any, columns: Any, entries: Any) -> A
     return ca.MX(pattern, entries[order.tolist()])
 
 
-_QUIET: dict[str, Any] = {
-    "print_time": False,
-    "show_eval_warnings": False,
-    "calc_lam_p": False,
+_OPTIONS: dict[str, Any] = {
+    **QUIET,
     "ipopt": {
-        "print_level": 0,
-        "sb": "yes",
+        **QUIET_IPOPT,
         "max_iter": ITERATIONS,
         "tol": 1e-6,
         "constr_viol_tol": 1e-10,

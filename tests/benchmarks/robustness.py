@@ -325,12 +325,14 @@ def objections(study: Study, samples: int) -> str:
     """What the paper holds against feedback, measured."""
     _, run = study.closed("objections", study.machine, study.tracker, None, samples, 0.02)
     z2 = planner.chained_form(study.problem.system).z(run.q)[..., 1]
+    before, runs = z2[:, run.t < 0], z2[:, run.t >= 0]
     beyond = np.rad2deg(run.q[:, :, 2:] - study.problem.goal[2:]).max()
     return (
-        f"Over {samples} machines and all recorded times: z2 never rises above {z2.max():.4f}"
-        f" (the margin asked for is -{study.problem.limits.z2_margin:g}; the start lies at"
-        f" {z2[:, 0].mean():.4f}), and no passive joint overshoots its goal of 30 degrees by more"
-        f" than {beyond:.2f} degrees."
+        f"Over {samples} machines, once the plan runs: z2 never rises above {runs.max():.4f} (the"
+        f" margin asked for is -{study.problem.limits.z2_margin:g}; the plan begins at"
+        f" {runs[:, 0].mean():.4f}), and no passive joint overshoots its goal of 30 degrees by more"
+        f" than {beyond:.2f} degrees. In the preparation before, which no limit on z2 bounds, z2"
+        f" rises to {before.max():.2f}: only the chart is singular there."
     )
 
 

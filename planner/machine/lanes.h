@@ -4,9 +4,10 @@
  *
  * A quantity of W machines is a lane: W numbers in a row. Loops over lanes are innermost and without
  * branches, so that the compiler makes vectors of them; conditions on effects stand outside. Every
- * width gives the same bits: a lane never meets its neighbours.
+ * width gives the same bits: the W numbers of a lane never meet.
  */
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -54,6 +55,7 @@ INLINE double clip(double x, double most)
  * parts; n times the first two, of 33 bits, is exact), then minimax polynomials to an eighth of one. */
 INLINE void cosines(const double *x, double *out)
 {
+#if FLT_EVAL_METHOD == 0
     static const double QUARTER_1 = 1.5707963267341256, QUARTER_2 = 6.077100506303966e-11;
     static const double QUARTER_3 = 2.0222662487959506e-21, BY_QUARTER = 0.6366197723675814;
     static const double NEAREST = 6755399441055744.0; /* 1.5 x 2^52: sums have no fraction */
@@ -73,6 +75,10 @@ INLINE void cosines(const double *x, double *out)
         double turned = fabs(quadrant);
         out[l] = turned == 1 ? -quadrant * sine : (1 - turned) * cosine;
     }
+#else /* the reduction needs sums that are rounded, as x87 registers do not */
+    for (int l = 0; l < W; l++)
+        out[l] = cos(x[l]);
+#endif
 }
 
 /* -- factors of a step's length ------------------------------------------------------------ */
@@ -205,8 +211,8 @@ INLINE void integrals(int64_t points, const Lane *f, double h, Lane *out)
         }
 }
 
-/* Advance motor i by a step: its speed at the points, its travel to each later point. Lanes from
- * `mine` on repeat the last sample. */
+/* Advance motor i by a step: its speed at the points, its travel to each later point. The
+ * places from `mine` on repeat the last sample. */
 INLINE void servo(const Model *m, const Own *o, const Held *x, const Factors *f, int i,
                   const Commands *u, const double *command, int64_t mine, int running, double h,
                   Lane *speed, Lane *travel)

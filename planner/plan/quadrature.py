@@ -337,8 +337,7 @@ def _fixed_point(system: TriangularSystem, start: Array, width: Array, q: Array,
         change, q = float(np.max(np.abs(new - q))), new
         if not change > SWEEP_TOLERANCE * max(1.0, float(np.max(np.abs(q)))):
             return q
-    if not change < LOST:
-        q, change = guess, np.inf
+    q, change = q if change < LOST else guess, np.inf
     growth = apply(integration(POINTS), _jacobian(system, q, u)) * width[..., None]
     transition = growth[-1] + np.eye(system.size)
     for _ in range(MOST_SWEEPS):

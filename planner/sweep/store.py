@@ -78,9 +78,11 @@ def _end_process(_signal: int) -> None:
     read-only (`chattr +i`, a file system with errors), the system sends SIGBUS. The write cannot be
     undone, so that nothing else can go on.
     """
-    says = f"planner: cannot use the database {Store._last_path}: its index is read-only now\n"
-    os.write(2, says.encode())
-    os._exit(2)
+    try:
+        says = f"planner: cannot use the database {Store._last_path}: its index cannot be written\n"
+        os.write(2, os.fsencode(says))
+    finally:
+        os._exit(2)
 
 
 _BUS_HANDLER = ctypes.CFUNCTYPE(None, ctypes.c_int)(_end_process)
@@ -115,7 +117,7 @@ class Store:
             self.db = sqlite3.connect(self.path, timeout=LOCK_WAIT_S, isolation_level=None)
             self._file = os.stat(self.path)
             Store._last_path = self.path
-            if hasattr(signal, "SIGBUS"):  # not on Windows
+            if create and hasattr(signal, "SIGBUS"):  # not on Windows
                 ctypes.CDLL(None).signal(signal.SIGBUS, _BUS_HANDLER)
         if create:
             written_paths.append(self.path)  # an interruption message names this file

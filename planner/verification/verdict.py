@@ -145,7 +145,7 @@ plan and the weights in the file."""
 
 
 def _correct_objective(plan: Plan, path: str | Path) -> Plan:
-    """Return a plan with its objective computed again, if possible, and with `claimed` filled in.
+    """Return a plan with its objective computed again, if possible, and its `file_figures`.
 
     A compensated plan has the objective of its original plan.
     """

@@ -153,8 +153,11 @@ def _plan_from(
     """
     turned, other = warm and warm.backwards, problem.exchanged()
     if other and _lies_behind(problem) and (turned or not warm):
-        with suppress(NoPlanError):
+        try:
             return _plan_from(other, options, turned, records).exchanged(problem)
+        except NoPlanError as error:
+            if isinstance(error, TimeLimitError):
+                raise
     reached = problem.within_reach()
     ways = routes(reached)
     if not ways:

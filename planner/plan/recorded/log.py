@@ -155,7 +155,8 @@ class Log(Frozen):
     @property
     def jitter_words(self) -> str:
         """A warning if the time between rows scatters; else ""."""
-        late = float(np.percentile(np.abs(np.diff(self.t) - self.interval_s), 90))
+        spans = np.diff(self.t)[np.diff(self.t) < GAP_RATIO * self.interval_s]
+        late = float(np.percentile(np.abs(spans - self.interval_s), 90))
         if late < MOST_JITTER_S:
             return ""
         return (

@@ -91,10 +91,10 @@ def export(
     with job(f"writing {name}"):
         motion = load_plan(plan, strict=True)
         written = write(motion, out, name, rate_hz=rate, joint_names=names, real=real, slow=slow)
-        shown, sends = slowed(motion, slow), FORMATS[name].is_command
-        miss = _held_miss(shown, rate) if FORMATS[name].sample_and_hold else {}
-        space = machine_facts(motion, space=True, feedback=name == "c") if sends else (None, "")
-    sent = " and ".join(FORMATS[name].command_columns(motion))
+        shown, form = slowed(motion, slow), FORMATS[name]
+        miss = _held_miss(shown, rate) if form.sample_and_hold else {}
+        space = machine_facts(motion, True, form.has_feedback) if form.is_command else (None, "")
+    sent = " and ".join(form.command_columns(motion))
     data = {"plan": plan, "format": name, "written": written, "held_miss": miss or None}
     data |= {"only_sampled": motion.sampled_labels, "claimed": motion.file_figures}
     data |= {"jumps": motion.jump_words or None, "on_machines": space[0]}

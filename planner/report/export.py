@@ -69,6 +69,7 @@ class Format:
         options: Names of the fields of `ExportOptions` that the format uses.
         is_command: Whether a machine or robot executes the file directly. Then `export` warns of a
             plan that does not start at rest, if `content` has not refused it (`_refuse_unfit`).
+        has_feedback: Whether the file holds a tracker, which moves the arm by its readings.
         sample_and_hold: Whether motors hold the command of each row until the next row.
         command_columns: Function that returns the names of the columns with the motors' commands;
             empty for formats without named columns.
@@ -80,6 +81,7 @@ class Format:
     reader: str = ""
     options: tuple[str, ...] = ("rate_hz", "slow")
     is_command: bool = True
+    has_feedback: bool = False
     sample_and_hold: bool = False
     command_columns: Callable[[Plan], Sequence[str]] = lambda _: ()
 
@@ -128,6 +130,7 @@ FORMATS: dict[str, Format] = {
         (),
         lambda plan, options: _c(plan, options),
         options=("real", "machine"),
+        has_feedback=True,
     ),
 }
 """All export formats by name; the command, messages and the documentation use this table."""

@@ -361,15 +361,11 @@ def _motion_findings(
         for label, (amount, when) in read:
             part = Part(label, "", -np.inf, 0.0, 1.0)
             yield _Finding(part, amount, 0.0, when, LIMIT_TOLERANCE)
-        yield _integration_finding(plan, motion.error)
-
-
-def _integration_finding(plan: Plan, error: float) -> _Finding:
-    limit, lost = INTEGRATION_TOLERANCE, error == np.inf
-    doubt = "" if error <= limit else " (the motion cannot be trusted)"
-    cause = ": errors grow on the way, as where trailers are pushed" * (lost and plan.unstable)
-    part = Part(f"integration error{doubt}{cause}", "", -np.inf, limit, limit)
-    return _Finding(part, error, np.nan if lost else limit, None, 0.0)
+        limit, lost = INTEGRATION_TOLERANCE, motion.error == np.inf
+        doubt = "" if motion.error <= limit else " (the motion cannot be trusted)"
+        cause = ": errors grow on the way, as where trailers are pushed" * (lost and plan.unstable)
+        part = Part(f"integration error{doubt}{cause}", "", -np.inf, limit, limit)
+        yield _Finding(part, motion.error, np.nan if lost else limit, None, 0.0)
 
 
 def _chart_findings(plan: Plan) -> Iterator[_Finding]:

@@ -14,7 +14,7 @@ import numpy as np
 from planner.errors import solver_answer
 from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
-from planner.methods.collocation.transcription.follower import PARTS
+from planner.methods.collocation.transcription.follower import MIDDLES, PARTS
 from planner.methods.collocation.transcription.form import (
     Form,
     Mesh,
@@ -147,9 +147,9 @@ class Task:
     def _packed(self, iterate: Iterate, data: Bounds) -> Array:
         """Return an iterate as a vector, with the motion of a follower that belongs to it."""
         if follower := self.nlp.form.follower:
-            (left, right), middles = iterate.input_ends(), (np.arange(PARTS)[:, None] + 0.5) / PARTS
+            left, right = iterate.input_ends()
             seconds = (self.mesh.widths * iterate.duration)[:, None, None]
-            ways = seconds / PARTS * (left[:, None] + middles * (right - left)[:, None])
+            ways = seconds / PARTS * (left[:, None] + MIDDLES[:, None] * (right - left)[:, None])
             parts = self.nlp.system, self.problem.start, ways, self.demands.smoothing
             iterate = replace(iterate, joints=follower.run(*parts))
         return np.asarray(self.nlp.layout.pack(iterate, data.widths) / data.units)

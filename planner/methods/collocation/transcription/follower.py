@@ -35,6 +35,9 @@ PARTS = 4
 """Parts of an interval, in each of which joints turn evenly. With one part a solver makes use of
 the error: on 100 intervals of 1.2 s four joints ended up to 14 degrees off, with four up to 1."""
 
+MIDDLES = (np.arange(PARTS) + 0.5) / PARTS
+"""Middles of the parts, as fractions of an interval: inputs there times seconds are the ways."""
+
 LEAST_COSINE, ROUND_SINE, MOST_SHARE = 0.02, 0.01, 0.99
 """Least |cosθ| of a contact, the sine within which |sinθ| is rounded, and the largest load as a
 share of the capacity. Beyond these the formula of a contact has no value or no slope."""
@@ -109,8 +112,7 @@ class Follower:
 
     def start(self, q: Array) -> Array:
         """Return the states at coordinates q (n+1,)."""
-        lead = np.clip(self.lead, -LARGEST_LEAD, LARGEST_LEAD)
-        axes = q[1:] + lead * self.widths
+        axes = q[1:] + np.clip(self.lead, -LARGEST_LEAD, LARGEST_LEAD) * self.widths
         return np.concatenate([np.append(q[1:], each) for each in axes])
 
     def step(
@@ -161,9 +163,8 @@ class Follower:
         with the integrals of both inputs over the `PARTS` of each interval, (K, PARTS, 2)."""
         state, way, start = ca.SX.sym("b", self.size), ca.SX.sym("w", 2, PARTS), self.start(q)
         after, inside = self.step(system, state, ca.horzsplit(way), smoothing)
-        symbols, meaning = (ca.vertcat(*columns) for columns in zip(*inside, strict=True))
-        split = ca.vertsplit(symbols), ca.vertsplit(meaning), [ca.vertcat(*after)]
-        after = ca.substitute_inplace(*split)[1][0]
+        symbols, meaning = map(list, zip(*inside, strict=True))
+        after = ca.substitute_inplace(symbols, meaning, [ca.vertcat(*after)])[1][0]
         steps = ca.Function("step", [state, way], [after]).mapaccum(len(ways))
         return np.vstack([start, steps(start, ways.reshape(-1, 2).T).full().T])
 

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from planner.methods.collocation.transcription.augmented import Augmented, MovingSystem, backs_off
-from planner.methods.collocation.transcription.follower import PARTS
+from planner.methods.collocation.transcription.follower import MIDDLES, PARTS
 from planner.methods.collocation.transcription.form import Form, Units
 from planner.plan.measures import EDGE_MARGIN, INTEGRALS
 from planner.problem.requirements.requirement import MotionPoint
@@ -135,7 +135,7 @@ def stage(system: TriangularSystem, form: Form, order: Order) -> Stage:
     after = _motion(model, form, x, rates, rows)
     if form.follower:
         scale = x.seconds * form.units.time_s * ca.DM(form.units.inputs) / PARTS
-        ways = [scale * x.input_at((part + 0.5) / PARTS) for part in range(PARTS)]
+        ways = [scale * x.input_at(middle) for middle in MIDDLES]
         smoothing = x.weights[form.parameters - 1 - (not form.free_duration)]
         joints, named = form.follower.step(model, x.joints, ways, smoothing)
         rows.add("carried", 0, np.ones(form.follower.size), joints)

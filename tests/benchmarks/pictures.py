@@ -77,7 +77,7 @@ def picture(browser: Any, path: Path, width: int, scheme: str, t: float) -> byte
     shot = Image.open(io.BytesIO(page.screenshot(full_page=True))).convert("RGB")
     context.close()
     shot = shot.crop((0, 0, shot.width, min(shot.height, SHOWN_PX)))
-    small = shot.quantize(256, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    small = shot.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     stream = io.BytesIO()
     small.save(stream, "PNG", optimize=True)
     return stream.getvalue()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from registered import registries
 
 import planner
 
@@ -27,6 +29,14 @@ def _own_ctrl_c() -> None:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a test may have ended as a process does
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _nothing_stays_registered() -> Iterator[None]:
+    """What a test registers and leaves would change answers of tests that run after it."""
+    before = registries()
+    yield
+    assert registries() == before, "registered, and not taken back: use registered.restored()"
 
 
 @pytest.fixture(scope="session")

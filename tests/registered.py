@@ -18,13 +18,25 @@ from planner.problem.tables.kinds import FILES, REQUIREMENTS
 from planner.problem.tables.method_options import MethodsTable
 
 
+def _tables() -> tuple[Any, ...]:
+    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
+    return (MethodsTable, *limits)
+
+
+def _dicts() -> list[dict[str, Any]]:
+    return [FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in _tables())]  # type: ignore[list-item]
+
+
+def registries() -> list[list[str]]:
+    """What is registered, and what each table then knows, in order."""
+    return sorted(list(registry) for registry in _dicts())
+
+
 @contextmanager
 def restored() -> Iterator[pytest.MonkeyPatch]:
     """Registries and plugins as they were, afterwards."""
-    limits = {file.model_fields["limits"].annotation for file in FILES.values()}
-    tables = (MethodsTable, *limits)
-    dicts = (FILES, METHODS, REQUIREMENTS, *(table.model_fields for table in tables))  # type: ignore[union-attr]
-    kept = [(table, dict(table)) for table in dicts]  # type: ignore[call-overload]
+    tables = _tables()
+    kept = [(registry, dict(registry)) for registry in _dicts()]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(plugins, "_plugins", plugins._Plugins())
         try:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from registered import restored
 from scipy.integrate import solve_ivp
 
 import planner
 from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
-from planner.problem.tables.kinds import REQUIREMENTS
 from planner.support.calculus.bernstein import Bernstein
 
 TWO_AXLES_EACH = [0.75, 2.0, 0.75, 3.0]
@@ -241,9 +241,9 @@ class _Forward(Requirement):
 
 @pytest.fixture
 def _signed_limit() -> Iterator[None]:
-    planner.register_requirement(_Forward)
-    yield
-    del REQUIREMENTS[_Forward.key]
+    with restored():
+        planner.register_requirement(_Forward)
+        yield
 
 
 @pytest.mark.usefixtures("_signed_limit")

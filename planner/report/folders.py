@@ -161,20 +161,16 @@ def _file_name(label: str) -> str:
     return re.sub(r"[^\w.=+-]+", "-", label).strip("-")
 
 
-def save_figure(figure: Figure, stem: Path) -> None:
-    """Write a figure as `stem`.png and `stem`.svg; the same figure gives the same bytes."""
-    import matplotlib as mpl
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG; the same figure gives the same bytes."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     engine = figure.get_layout_engine()
     if engine is not None:  # lay out only once, since each layout draws the figure
         engine.execute(figure)
         figure.set_layout_engine("none")
     figure.set_dpi(120)  # `savefig` draws twice, once for a layout
-    FigureCanvasAgg(figure).print_png(f"{stem}.png")
-    with mpl.rc_context({"svg.hashsalt": "planner"}):
-        FigureCanvasSVG(figure).print_svg(f"{stem}.svg", metadata={"Date": None})
+    FigureCanvasAgg(figure).print_png(path)
 
 
 FORMAT, VERSION = "planner-budget", 1
@@ -198,7 +194,7 @@ def save_budget(
         (place / "plans").mkdir()
         for label, budget in budgets.items():
             budget.plan.save(place / files[label])
-            save_figure(budget.plot(), place / f"budget-{_file_name(label)}")
+            save_figure(budget.plot(), place / f"budget-{_file_name(label)}.png")
     return Path(path)
 
 
@@ -336,4 +332,4 @@ def _csv(responses: Sensitivity) -> str:
 def _write_figures(comparison: Comparison, place: Path) -> None:
     (place / "figures").mkdir()
     for name, figure in comparison.figures().items():
-        save_figure(figure, place / "figures" / name)
+        save_figure(figure, place / "figures" / f"{name}.png")

@@ -56,7 +56,11 @@ suite: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/suite.py
 	@$(SIGN) suite
 
+# BEFORE is the version to compare with: the one whose times were the reason for the aims.
+BEFORE ?= a2c643bc
 bench: $(VENV)/.run
+	@$(PIP) install -e '.[rivals]' || echo "some of the frameworks cannot be installed; they are left out"
+	@$(BIN)/python tests/benchmarks/beside.py --before $(BEFORE)
 	@$(BIN)/python tests/benchmarks/collocation.py
 	@$(BIN)/python tests/benchmarks/replay.py --out results/benchmarks
 	@$(BIN)/python tests/benchmarks/sweep.py --out results/benchmarks

@@ -1,4 +1,4 @@
-"""The page, picture and numbers of the collocation benchmark."""
+"""The page, picture and numbers of the benchmarks."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import beside
 import matplotlib
 
 matplotlib.use("agg")
 import matplotlib.pyplot as plt
+import peers_theirs
 from bench_cases import PROBLEMS, cases
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
@@ -33,7 +35,7 @@ assert plan.verified
 print(imported - began, time.perf_counter() - began, time.process_time())
 """
 PLAIN = FormatStrFormatter("%g")
-HEAD = """# Speed of collocation
+HEAD = """# Speed
 
 {provenance}
 
@@ -42,12 +44,16 @@ While it ran the computer had other work: load {load} on {cores} cores. Times ar
 the process's own processor time; still, read ratios, which are medians over rounds in which all
 contestants took turns.
 
+{beside}
+## Beside scripts and frameworks
+
 Times are of one solve from scratch: the solver's call for the scripts (tests/benchmarks/rivals.py)
 and the frameworks (tests/benchmarks/frameworks.py), from problem to plan for `planner`, its check
 between nodes included; "whole way" adds its independent verification and the proof. All use a
 tolerance of 1e-9, and but for mpopt the straight line that `planner` starts from
-(`start = "straight"`). The others use 40 intervals and constant inputs (mpopt inputs of degree 3);
-`planner` chooses its mesh (14 intervals, for six joints 20; linear inputs). "warm" is a
+(`start = "straight"`). The others use 40 intervals and constant inputs (Drake
+linear ones, mpopt inputs of degree 3; Drake does not tell its iterations); `planner` chooses its
+mesh (14 intervals, for six joints 20; linear inputs). "warm" is a
 neighbouring problem from the plan at hand. "Build" is what happens once before: writing the
 problem down, for `planner` only what is not kept from the problem before.
 
@@ -103,14 +109,36 @@ def _page(found: dict[str, Any]) -> str:
         machine=found["machine"],
         load=found["load"],
         cores=os.cpu_count(),
+        beside=_beside(found["beside"]),
         left_out=f"\nLeft out, for they were not installed: {out}.\n" if out else "",
     )
     parts = [head, "![times of all contestants and growth with the size](speed.png)\n"]
     for case in cases():
-        parts.append(f"## {case.what[0].upper()}{case.what[1:]} ({case.name})\n")
+        parts.append(f"### {case.what[0].upper()}{case.what[1:]} ({case.name})\n")
         parts.append(_table(found["contests"][case.name]))
     parts.append(_targets(found))
     return "\n".join(parts)
+
+
+def _beside(found: dict[str, Any]) -> str:
+    """All places where people wait, beside an earlier version."""
+    head = ["job", f"{found['before']}, CPU s", "now, CPU s", "ratio", "aim for the ratio"]
+    lines = [head, ["---", *["---:"] * 3, "---"], *beside.table(found)]
+    rows = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    lost = ", ".join(beside.lost(found))
+    solved = f"Cases that only {found['before']} solves: {lost}" if lost else LOST_NONE
+    return BESIDE.format(rows=rows, solved=solved, before=found["before"])
+
+
+LOST_NONE = "No case that the earlier version solves is refused now"
+BESIDE = """
+## Beside an earlier version
+
+Commit {before} and this one in turns, each job in a process of its own; the least of two rounds,
+but one round for the jobs of minutes (tests/benchmarks/jobs.py). {solved}.
+
+{rows}
+"""
 
 
 def _table(rows: dict[str, dict[str, Any]]) -> str:
@@ -167,16 +195,23 @@ def _targets(found: dict[str, Any]) -> str:
     memory = "; ".join(
         f"{name} {' '.join(map(str, values))}" for name, values in found["memory"].items()
     )
+    paths = "; ".join(
+        f"{name} {own['seconds']:.2g} s a path, {own['above']:.2f} % above a fine grid"
+        for name, own in found["paths"].items()
+    )
+    if paths:
+        count, grid = peers_theirs.PATHS, peers_theirs.GRID
+        paths = f"- Fastest timing of {count} random paths with {grid} intervals: {paths}.\n"
     growing = [name for name, seen in found["memory"].items() if seen[-1] > 1.02 * seen[0]]
     grown = f"; {' and '.join(growing)} solves miss it" if growing else ""
-    return f"""## Aims
+    return f"""### Aims
 
 {table}
 
 - From import to a verified plan in a fresh process: {fresh["verified_s"]:.2f} s (aim: 1 s);
   {fresh["cpu_s"]:.2f} s of it on the processor, the start of Python included.
 - Resident memory, MiB, after 30, 130, 230 and 330 varied problems: {memory} (aim: flat{grown}).
-- Convex plan {1e3 * found["convex"]:.1f} ms.
+{paths}- Convex plan {1e3 * found["convex"]:.1f} ms.
 - Time an iteration grows with the number of intervals to the power
   {found["intervals"]["exponent"]:.2f} (aim: 1), and from 3 to 8 joints with the number of states
   to the power {found["joints"]["exponent"]:.2f} (aim: less than 2).

@@ -5,24 +5,30 @@
 Times are processor time, which a busy computer disturbs least, and contestants take turns; ratios
 are medians over the rounds. Of the rivals only the solver's call is timed, of `planner` the whole
 of planning, from problem to plan; "whole way" adds the independent verification and the proof.
-Frameworks (`frameworks.py`, the extra `rivals`) join in on two of the problems.
+Frameworks (`frameworks.py`, the extra `rivals`) join in on two of the problems. The page begins
+with the table of `beside.py`, which runs before.
 Writes results/benchmarks: a page, a picture, and all numbers as JSON.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import bench_report
+import beside
 import numpy as np
+import peers
+import peers_theirs
 from bench_cases import Case, along, cases, chain
 from frameworks import frameworks, missing
 from rich.console import Console
@@ -75,7 +81,7 @@ def main() -> int:
     arguments.out.mkdir(parents=True, exist_ok=True)
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:
-        step = progress.add_task("collocation", total=len(cases()) + 5)
+        step = progress.add_task("collocation", total=len(cases()) + 6)
         contests = {}
         for case in cases():
             progress.update(step, description=f"contest: {case.name}")
@@ -86,13 +92,15 @@ def main() -> int:
             ("intervals", over_intervals),
             ("joints", over_joints),
             ("convex", convex_time),
+            ("paths", path_timings),
             ("fresh", bench_report.fresh_process),
             ("memory", memory),
         ):
             progress.update(step, description=name)
             scaling[name] = measure()
             progress.advance(step)
-    found = {"contests": contests, "left_out": missing(), **scaling}
+    earlier = json.loads(beside.RECORD.read_text(encoding="utf-8"))
+    found = {"contests": contests, "left_out": missing(), "beside": earlier, **scaling}
     bench_report.write(arguments.out, found)
     if missing():
         print(f"left out, for they are not installed: {', '.join(missing())}")
@@ -300,6 +308,20 @@ def _repeated(problem: planner.Problem, options: CollocationOptions, times: int)
 def _exponent(rows: dict[int, dict[str, Any]]) -> float:
     sizes, values = list(rows), [row["per_iteration_s"] for row in rows.values()]
     return float(linregress(np.log(sizes), np.log(values)).slope)
+
+
+def path_timings() -> dict[str, dict[str, float]]:
+    """Of random paths: seconds a path, and % above toppra's time on a fine grid in the median."""
+    if not find_spec("toppra"):
+        return {}
+    theirs, count = peers_theirs.timings(), peers_theirs.PATHS
+    ours = np.array([peers.timing(seed) for seed in range(count)])
+    seconds = {"planner": float(np.mean(ours[:, 1])), "toppra": theirs["seconds"] / count}
+    durations = {"planner": ours[:, 0], "toppra": np.array(theirs["durations"])}
+    return {
+        name: {"seconds": seconds[name], "above": 100 * float(np.median(own / theirs["fine"] - 1))}
+        for name, own in durations.items()
+    }
 
 
 def convex_time() -> float:

@@ -1,11 +1,11 @@
-"""The same problems put to general frameworks: rockit, do-mpc and mpopt.
+"""The same problems put to general frameworks: rockit, do-mpc, Drake and mpopt.
 
-All three write the programme for CasADi and come with `pip install 'nonholonomic-planner[rivals]'`,
-but mpopt, whose package asks for a NumPy of 2021: `pip install --no-deps mpopt`. What is not
-installed is left out. Each gets 40 intervals, as `rivals` does: Radau points of degree 3 with
-constant inputs, or (rockit with Fatrop) one Runge-Kutta step an interval. mpopt knows neither; it
-gets 40 pieces of degree 3 with inputs of the same degree. All start from the straight line, mpopt
-from its own. As in `rivals`, the call is timed that solves once what was written down before.
+All but Drake write the programme for CasADi. They come with the extra `rivals`, but mpopt, whose
+package asks for a NumPy of 2021: `pip install --no-deps mpopt`. What is not installed is left out.
+Each gets 40 intervals, as `rivals` does: Radau points of degree 3 with constant inputs, or (rockit
+with Fatrop) one Runge-Kutta step an interval. Drake has cubic pieces with linear inputs; mpopt gets
+40 pieces of degree 3 with inputs of the same degree. All start from the straight line, mpopt from
+its own. As in `rivals`, the call is timed that solves once what was written down before.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FATROP = {
     "structure_detection": "auto",
     "print_time": False,
 }
-EXTRA = {"rockit": "rockit-meco", "do_mpc": "do-mpc", "mpopt": "mpopt"}
+EXTRA = {"rockit": "rockit-meco", "do_mpc": "do-mpc", "pydrake": "drake", "mpopt": "mpopt"}
 
 
 def missing() -> list[str]:
@@ -42,6 +42,8 @@ def frameworks(arm: Arm) -> dict[str, Callable[[], Callable[[], Outcome]]]:
         "rockit + IPOPT": ("rockit", lambda: by_rockit(arm, "ipopt")),
         "rockit + Fatrop": ("rockit", lambda: by_rockit(arm, "fatrop")),
         "do-mpc + IPOPT": ("do_mpc", lambda: by_do_mpc(arm)),
+        "Drake + SNOPT": ("pydrake", lambda: by_drake(arm, "SnoptSolver")),
+        "Drake + IPOPT": ("pydrake", lambda: by_drake(arm, "IpoptSolver")),
         "mpopt + IPOPT": ("mpopt", lambda: by_mpopt(arm)),
     }
     return {name: make for name, (module, make) in makers.items() if find_spec(module)}
@@ -136,6 +138,54 @@ def by_do_mpc(arm: Arm) -> Callable[[], Outcome]:
         values = np.array([mpc.opt_x_num["_u", k, 0].full().ravel() for k in range(K_INTERVALS)])
         objective = float(stats["iterations"]["obj"][-1])
         return Outcome(seconds, objective, int(stats["iter_count"]), values[:, None])
+
+    return solve
+
+
+def by_drake(arm: Arm, solver: str) -> Callable[[], Outcome]:
+    """Drake's direct collocation of a system in its symbols."""
+    import pydrake.all as drake
+    from pydrake import symbolic
+
+    h = arm.duration / K_INTERVALS
+    q = [symbolic.Variable(f"q{k}") for k in range(arm.size)]
+    u = [symbolic.Variable(f"u{k}") for k in range(2)]
+    rates = arm.rate_list(q, u, symbolic.cos)
+    system = drake.SymbolicVectorSystem(state=q, input=u, dynamics=rates)
+    context = system.CreateDefaultContext()
+    job = drake.DirectCollocation(system, context, K_INTERVALS + 1, h, h)
+    programme = job.prog()
+    high = np.append(np.inf, np.full(arm.size - 1, arm.joint_limit))
+    for k in range(K_INTERVALS + 1):
+        programme.AddBoundingBoxConstraint(-arm.input_limit, arm.input_limit, job.input(k))
+        programme.AddBoundingBoxConstraint(-high, high, job.state(k))
+        if arm.z2 is not None:
+            z2 = arm.z2_of(job.state(k), symbolic)
+            programme.AddConstraint(z2, -np.inf, -arm.z2)
+    programme.AddBoundingBoxConstraint(arm.start, arm.start, job.initial_state())
+    programme.AddBoundingBoxConstraint(arm.goal[1:], arm.goal[1:], job.final_state()[1:])
+    job.AddRunningCost(job.input()[0] ** 2 + job.input()[1] ** 2)
+    times = np.linspace(0.0, arm.duration, K_INTERVALS + 1)
+    line = [arm.guess(k / K_INTERVALS) for k in range(K_INTERVALS + 1)]
+    hold = drake.PiecewisePolynomial.FirstOrderHold
+    job.SetInitialTrajectory(
+        hold(times, np.array([u for _, u in line]).T), hold(times, np.array([q for q, _ in line]).T)
+    )
+    options = drake.SolverOptions()
+    options.SetOption(drake.SnoptSolver.id(), "Major optimality tolerance", TOLERANCE)
+    options.SetOption(drake.SnoptSolver.id(), "Major feasibility tolerance", TOLERANCE)
+    options.SetOption(drake.IpoptSolver.id(), "tol", TOLERANCE)
+    engine = getattr(drake, solver)()
+
+    def solve() -> Outcome:
+        began = time.process_time()
+        found = engine.Solve(programme, None, options)
+        seconds = time.process_time() - began
+        if not found.is_success():
+            return Outcome(seconds, np.nan, 0)
+        values = found.GetSolution(np.array([job.input(k) for k in range(K_INTERVALS + 1)]))
+        pieces = np.stack([values[:-1], values[1:]], axis=1)
+        return Outcome(seconds, float(found.get_optimal_cost()), 0, pieces, edges=times)
 
     return solve
 

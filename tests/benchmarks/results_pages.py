@@ -27,7 +27,12 @@ MACHINES = (*PLANS, "machine", "compensation.py")
 COMPARISONS = (*MACHINES, "comparison")
 
 DEPENDENCIES: dict[str, tuple[str, ...]] = {
-    "benchmarks": (*MACHINES, "sweep", "tests/benchmarks/collocation.py"),
+    "benchmarks": (
+        *COMPARISONS,
+        "sweep",
+        "tests/benchmarks/collocation.py",
+        "tests/benchmarks/jobs.py",
+    ),
     "budget": (*MACHINES, "robustness/budget.py"),
     "calibration": ("machine", "paper/calibrate.py"),
     "certificate": ("verification", "tests/benchmarks/certifying.py"),

@@ -54,16 +54,21 @@ class Arm:
 
     def rates(self, q: Any, u: Any) -> Any:
         """Equation (6)."""
+        return ca.vertcat(*self.rate_list(q, u, ca.cos))
+
+    def rate_list(self, q: Any, u: Any, cos: Callable[[Any], Any]) -> list[Any]:
+        """The same by any algebra's cosine."""
         n = len(self.K) + 1
-        c = [ca.cos(q[i]) for i in range(1, n + 1)]
+        c = [cos(q[i]) for i in range(1, n + 1)]
         out = [self.k_g * _product(c[: n - 2]) * u[0], u[1]]
         gears = [self.k_g * K for K in self.K]
         passive = [gears[j] * c[j] ** 3 * _product(c[:j]) * u[0] for j in range(n - 1)]
-        return ca.vertcat(*out, *passive)
+        return [*out, *passive]
 
-    def z2_of(self, q: Any) -> Any:
+    def z2_of(self, q: Any, algebra: Any = ca) -> Any:
         """Chained coordinate z2 of three joints, by hand."""
-        return -3 * self.K[0] * self.K[1] * ca.cos(q[1]) ** 2 * ca.cos(q[2]) ** 2 * ca.sin(q[2])
+        cos, sin = algebra.cos, algebra.sin
+        return -3 * self.K[0] * self.K[1] * cos(q[1]) ** 2 * cos(q[2]) ** 2 * sin(q[2])
 
     def guess(self, s: float) -> Any:
         """The straight line that `planner` starts from too, and its slope."""

@@ -42,6 +42,16 @@ def test_by_default_the_polynomial_is_also_tried_with_chosen_points(
     assert not {"polynomial", outcome["label"]} & set(analysis.refusals)
 
 
+def test_piecewise_is_tried_with_more_slots_too(paper: planner.Problem) -> None:
+    changes = {"start.theta_deg": [13.3, 5.5, 2.8], "goal.theta_deg": [50.5, 45.2, 38.1]}
+    problem = paper.changed({**changes, "goal.travel": "free", "goal.duration": 10.0})
+    found = planner.check(problem)
+    (outcome,) = (o for o in found.outcomes if o["method"] == "piecewise")
+    assert (outcome["label"], outcome["verified"]) == ("piecewise:slots=10", True)
+    (named,) = planner.check(problem, ["piecewise"]).outcomes
+    assert not named["verified"], "what is named is tried as it is"
+
+
 def test_a_remedy_has_been_tried_and_works(paper: planner.Problem) -> None:
     task = paper.changed({"goal.travel": 0.825})
     analysis = check(task, QUICK)

@@ -31,10 +31,10 @@ def check(
 ) -> int:
     """Find out whether there is a plan; if not, say why not.
 
-    Tries every method (without --methods the polynomial also with points=auto), then changes of
-    the problem that may help. Ends with status 0 if
-    one method has a verified plan, else 3. --verbose adds the mathematics: chained
-    coordinates, possible travels, controllability, which limits each method keeps.
+    Tries every method (without --methods also polynomial:points=auto and piecewise:slots=10), then
+    changes of the problem that may help. Ends with status 0 if one method has a verified plan, else
+    3. --verbose adds the mathematics: chained coordinates, possible travels, controllability, which
+    limits each method keeps.
 
     \b
     Examples:

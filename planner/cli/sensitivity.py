@@ -28,6 +28,7 @@ from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_rows
 from planner.errors import InputError
 from planner.methods.desensitised.method import spreads
+from planner.methods.registry import parse_spec
 from planner.plan.plan import Plan
 from planner.plan.spec import Spec
 from planner.problem.tables.method_options import DesensitisedOptions
@@ -36,7 +37,7 @@ from planner.report.folders import save_sensitivity
 from planner.report.result_folder import refuse_unwritable_folder
 from planner.robustness.machine_sensitivity import machine_sensitivity
 from planner.robustness.sensitivities import next_step, sensitivities, worth
-from planner.robustness.sensitivity import MEANINGS, Sensitivity
+from planner.robustness.sensitivity import MEANINGS
 from planner.robustness.sensitivity import sensitivity as analyse
 from planner.robustness.trade_off import TradeOff, end_error, trade_off
 from planner.robustness.trade_off_points import Kind
@@ -93,6 +94,7 @@ def sensitivity(
         return _side_by_side(source, named, changes, out)
     with job("planning") as notice:
         plan = _plan(source, method, changes)
+        spec = Spec.of_label(plan.label) if is_plan(source) else parse_spec(method)
         notice("differentiating")
         designed = plan.problem.methods.desensitised
         if plan.method == "desensitised":
@@ -100,15 +102,15 @@ def sensitivity(
         spread = spreads(plan.problem.system, designed)
         responses = analyse(plan)
         machine_responses = machine_sensitivity(plan) if machine else None
-        heading = {"source": str(source), "method": plan.method, "duration_s": plan.duration}
+        heading = {"source": str(source), "method": spec.text, "duration_s": plan.duration}
         written = out and save_sensitivity(responses, machine_responses, spread, out, heading)
     data = {**heading, **responses.to_dict(spread), "written": written}
     data["machine"] = None if machine_responses is None else machine_responses.to_dict()
-    title, table = f"{plan.problem.name}: {plan.method}", responses.table(spread)
+    title, table = f"{plan.problem.name}: {spec.text}", responses.table(spread)
     parts: list[str | Table] = [title, "", table]
     if machine_responses is not None:
         parts += ["", machine_responses.table()]
-    return finish(data, *parts, "", _advice(responses))
+    return finish(data, *parts, "", _advice(plan, spec))
 
 
 def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Path | None) -> int:
@@ -146,11 +148,10 @@ def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
     return load_plan(source, strict=True)
 
 
-def _advice(responses: Sensitivity) -> str:
+def _advice(plan: Plan, spec: Spec) -> str:
     """Return a sentence with the command to run next."""
-    plan = responses.plan
-    calm = [plan.method] if plan.method == "desensitised" else [plan.method, "desensitised"]
-    return next_step(plan.problem, *map(Spec, calm))
+    calm = Spec("desensitised", compensated=spec.compensated)
+    return next_step(plan.problem, spec, *[calm] * (spec.method != calm.method))
 
 
 PICTURE_FILE, TABLE_FILE, KNEE_FILE = "trade-off.png", "trade-off.csv", "knee.json"

@@ -162,7 +162,8 @@ class Screen:
         method = SECOND.get(self.state.method, "polynomial")
         other = Screen(self.state.with_value("method", method).with_value(POINTS_KEY, "auto"))
         other.judge()
-        return {"second": {"label": method, **other.picture(), **other.errors()}}
+        label = getattr(other.outcome.plan, "label", method)
+        return {"second": {"label": label, **other.picture(), **other.errors()}}
 
     def mechanism(self) -> dict[str, str]:
         """Return the drawing of the mechanism (SVG, "" if there is none) and its system as text."""

@@ -71,7 +71,7 @@ class Sensitivities(Frozen):
             return f"The passive block is {_degrees(low)} deg for every plan; {floor}."
         return (
             f"The passive block, which the path decides, is smallest for {least} ({_degrees(low)}"
-            f" deg) and largest for {most} ({_degrees(high)} deg, {high / low:.2g} times as much);"
+            f" deg) and largest for {most} ({_degrees(high)} deg, {high / low:.3g} times as much);"
             f" {floor}."
         )
 
@@ -122,7 +122,7 @@ class Sensitivities(Frozen):
             return effort(plans[label].plan.trajectory)
 
         return [
-            Column("plan", "", lambda k: k, left=True, code=True),
+            Column("plan", "", lambda k: k, left=True, width=22, code=True),
             Column("passive block", "deg", lambda k: plans[k].passive_block_deg(spread), _degrees),
             Column("total", "deg", lambda k: plans[k].total_deg(spread), _degrees),
             Column("floor", "deg", lambda k: plans[k].floor_deg(spread), _degrees),
@@ -190,8 +190,9 @@ def next_step(problem: Problem, *specs: Spec) -> CommandLine:
         problem: The problem of the plans.
         specs: The plans to compare.
     """
-    words = "Next, compare the plans on machines"
-    if compensable(problem.system) and problem.methods.collocation.end == "plan":
+    words, end = "Next, compare the plans on machines", problem.methods.collocation.end
+    ready = (s.compensated or s.options.get("end", end) == "machine" for s in specs)
+    if compensable(problem.system) and not any(ready):
         words = "Next, compensate: on arms this reduces errors more than any path"
         specs = tuple(replace(spec, compensated=True) for spec in specs)
     names = dict.fromkeys(spec.text for spec in specs)

@@ -178,9 +178,8 @@ def recommend(columns: Sequence[str], records: Iterable[Record]) -> tuple[str | 
     counts = {label: len(mine) for label, mine in solved.items()}
     text = f"Take {take}: of {len(points)} cases it solves {beside(counts)}."
     if not np.isnan(efforts[take]):
-        text += (
-            f" On the {len(shared)} case{'s' * (len(shared) > 1)} that all solve, in the median: "
-        )
+        cases = "case" if len(shared) == 1 else "cases"
+        text += f" On the {len(shared)} {cases} that all of these solve, in the median: "
         text += "" if np.isnan(least) else f"E {beside(errors, ' deg')}; "
         text += f"effort {beside(efforts)}."
     return take, text

@@ -183,6 +183,13 @@ def test_sensitivities_are_bars_that_follow_the_weight(show: Any, tmp_path: Path
     assert page.locator(".px-tuning .px-before").count() == len(calm)
     shade = page.locator(".px-grid").evaluate("e => getComputedStyle(e).opacity")
     assert shade == "1", "grey only while planning"
+    page.locator("[data-button=keep]").click()
+    page.wait_for_selector(".px-bar:has-text('kept 1')")
+    for width in (1500, 700):  # a longer text beside a bar made it shorter
+        page.set_viewport_size({"width": width, "height": 1500})
+        places = page.locator(".px-bar .px-place")
+        assert len(set(places.evaluate_all("all => all.map((e) => e.offsetWidth)"))) == 1
+    page.locator("[data-button=drop]").click()
     picture(page, "tuning", tmp_path)
     page.locator("[data-button=tuning]").click()
     assert blocks.count() == 0

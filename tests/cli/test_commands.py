@@ -114,6 +114,19 @@ def test_plan_and_export_say_how_many_machines_hit_a_post(run: Callable, tmp_pat
     assert far["on_machines"] == {"machines": 100, "touching": 0, "words": None}
 
 
+def test_plan_says_where_to_stand_clear_of_a_swing(run: Callable, tmp_path: Path) -> None:
+    """Joint 1 swings farther before a compensated plan than in it; only export said so."""
+    out, words = tmp_path / "plan.json", ("plan", PAPER, "-m", "collocation compensated")
+    shown = run(*words, "--out", out)
+    space = run("export", out, "--out", tmp_path / "x.csv", "--json").json["on_machines"]["space"]
+    low, high = space["theta1_deg"]
+    clear = re.search(r"stand clear: theta1 (\S+) to (\S+) deg, theta2", shown.words)
+    assert clear is not None
+    assert [float(each) for each in clear.groups()] == pytest.approx([low, high], rel=1e-3)
+    assert run(*words, "--json").json["on_machines"]["space"] == space
+    assert "stand clear" not in run("plan", PAPER).out
+
+
 def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     out = tmp_path / "plan.json"
     result = run(*SOLVED, "--json", "--out", out)

@@ -28,6 +28,24 @@ def test_table_and_sums(run: Callable[..., Any]) -> None:
     assert "collocation compensated,desensitised compensated" in result.words
 
 
+@pytest.mark.parametrize(
+    ("spec", "next_"),
+    [
+        ("polynomial:points=auto", "polynomial compensated:points=auto,desensitised compensated"),
+        ("collocation compensated", "collocation compensated,desensitised compensated"),
+        ("collocation:end=machine", "collocation:end=machine,desensitised"),
+    ],
+)
+def test_the_next_command_is_about_the_plan_that_was_asked_for(
+    run: Callable[..., Any], spec: str, next_: str
+) -> None:
+    """It dropped the options, and told to compensate what is compensated."""
+    result = run("sensitivity", PAPER, "--no-machine", "--method", spec)
+    assert spec in result.words.split("error", 1)[0]
+    assert result.words.replace("'", "").endswith(f"--methods {next_}")
+    assert ("Next, compensate" in result.words) == spec.startswith("polynomial")
+
+
 def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_path: Path) -> None:
     plan = planner.solve(planner.load_problem(PAPER), "collocation")
     plan.save(tmp_path / "plan.json")

@@ -430,8 +430,8 @@ def test_the_second_plan_is_of_another_method_and_changes_nothing() -> None:
     its = {title: value for title, _, value in other["row"]}
     assert mine["effort"] < its["effort"]
     json.dumps(other, allow_nan=False)
-    shown.change([("method", "polynomial")])
-    assert shown.second()["second"]["label"] == "collocation"
+    shown.change([("method", "polynomial"), ("compensation.on", True)])
+    assert shown.second()["second"]["label"] == "collocation compensated"
 
 
 def test_a_car_has_angles_and_an_arm_joints() -> None:

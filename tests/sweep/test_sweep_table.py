@@ -123,5 +123,7 @@ def test_a_comparison_of_methods_counts_only_what_all_solve() -> None:
          "effort": 1.0}
         for k, label, error in ((0, "a", 2.0), (1, "a", 90.0), (0, "b", 1.0), (1, "b", None))
     ]  # fmt: skip
-    _, sentence = recommend(["x.y", "method"], records)
+    nothing = {"x.y": 0, "method": "c", "solved": False, "E_median_deg": None, "effort": None}
+    _, sentence = recommend(["x.y", "method"], [*records, nothing])
     assert re.findall(r"E ([\d.]+) deg \(b ([\d.]+)\)", sentence) == [("2", "1")]
+    assert "1 case that all of these solve" in sentence, "c solves none"

@@ -163,8 +163,9 @@ class Chart {
     const wide = this.tip.offsetWidth;
     const beside = told.px > width / 2 ? told.px - 12 - wide : told.px + 12;
     this.tip.style.left = `${Math.max(0, Math.min(width - wide, beside))}px`;
-    const above = this.svg.getBoundingClientRect().top - this.host.getBoundingClientRect().top;
-    this.tip.style.top = `${above + EDGE.top + 4}px`;
+    const frame = this.svg.getBoundingClientRect(), hides = 2 * wide > width; // the figure it is about
+    const down = hides ? frame.height : EDGE.top + 4;
+    this.tip.style.top = `${frame.top - this.host.getBoundingClientRect().top + down}px`;
     if (aloud) {
       const rows = told.rows.map((r) => `${this.named(r)} ${r.text}`);
       this.page.say(`${told.head}: ${rows.join("; ")}`);

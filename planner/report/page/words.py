@@ -11,7 +11,7 @@ from planner.comparison.comparison import Comparison
 from planner.problem.problem import Problem
 from planner.report.figures.style import colour_numbers, readable_name, to_display
 from planner.support.tables import constant_text
-from planner.systems.triangular_system import Coordinate, TriangularSystem
+from planner.systems.triangular_system import TriangularSystem
 
 
 def colour_places(comparison: Comparison) -> dict[str, int]:
@@ -101,17 +101,12 @@ def _angles(radians: Sequence[float] | np.ndarray) -> str:
 
 
 def _places(problem: Problem, w: np.ndarray) -> str:
-    """Return user coordinates w in words; free coordinates, which are NaN, are left out."""
+    """Return user coordinates w in words; angles are in degrees. Free coordinates, which are NaN,
+    are left out."""
     parts = []
     for c, value in zip(problem.system.user_coordinates, w, strict=True):
-        if not np.isfinite(value):
-            continue
-        amount = _amount(c, float(value), ".4g")
-        parts.append(f"{html.escape(readable_name(c.name))} = {html.escape(amount)}")
+        if np.isfinite(value):
+            unit = "°" if c.unit == "rad" else f" {c.unit}"
+            amount = f"{to_display(np.array([value]), c.unit)[0]:.4g}{unit}"
+            parts.append(f"{html.escape(readable_name(c.name))} = {html.escape(amount)}")
     return ", ".join(parts)
-
-
-def _amount(coordinate: Coordinate, value: float, style: str) -> str:
-    """Return a coordinate's value as text with its unit; angles are in degrees."""
-    unit = "°" if coordinate.unit == "rad" else f" {coordinate.unit}"
-    return f"{float(to_display(np.array([value]), coordinate.unit)[0]):{style}}{unit}"

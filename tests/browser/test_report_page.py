@@ -336,7 +336,7 @@ def test_names_of_points_meet_neither_points_nor_bars_nor_each_other(
     page = opened(crowd(), width=width, height=800)
     for box in page.locator(".legend input").all():
         box.check()
-    assert "E is the largest error of any joint on the machine" in page.inner_text(".verdict")
+    assert "E: the largest error of any joint" in page.inner_text(".question"), "before its use"
     assert page.locator("#lead").is_hidden(), "no plan prepares"
     drawn = page.locator("#fig-trade svg")
     names = [name.bounding_box() for name in drawn.locator("text.name").all()]

@@ -30,7 +30,8 @@ def question(problem: Problem) -> str:
         what += f" to {_places(problem, problem.user_goal)}"
     return (
         f"Which plan moves {what} in {duration} within the limits, with what effort, and how far"
-        " does the emulated machine deviate from its path?"
+        " does the emulated machine deviate from its path (E: the largest error of any joint, after"
+        " any preparation)?"
     )
 
 
@@ -41,10 +42,8 @@ def verdict_html(comparison: Comparison) -> str:
     start, name, lines = comparison.headline_parts
     text = html.escape(start) + f"<b>{html.escape(name)}</b>" * bool(name)
     text += "<br>".join(html.escape(line) for line in lines).replace(" deg", "°")
-    if (take := comparison.recommended) and len(rows) > 1:
+    if comparison.recommended and len(rows) > 1:
         text += f" {solved} of {len(rows)} plans reach the goal and keep every limit."
-        if np.isfinite(take.E_median_deg):
-            text += " E is the largest error of any joint on the machine, after any preparation."
     return text
 
 

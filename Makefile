@@ -1,6 +1,7 @@
 # Works on a fresh machine with Python 3.11 or newer and make.
 #
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
+#   make comparison  the same with every method of README's table, to results/compare (a minute)
 #   make suite     every method on every problem, to results/suite
 #   make bench     speed of collocation beside scripts by hand, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
@@ -45,12 +46,16 @@ SIGN := $(BIN)/python tests/benchmarks/results_pages.py --sign
 KERNEL := $(wildcard planner/machine/*.c planner/machine/*.h)
 
 .DEFAULT_GOAL := compare
-.PHONY: compare suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
+.PHONY: compare comparison suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
   identification truths map peers singular report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
 compare: $(VENV)/.run
 	@$(BIN)/planner compare problems/paper.toml --out out/compare
+
+comparison: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/comparison.py
+	@$(SIGN) compare
 
 suite: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/suite.py

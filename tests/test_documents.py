@@ -108,6 +108,10 @@ def test_the_limit_of_your_own_is_kept_and_proven(monkeypatch: pytest.MonkeyPatc
     assert usual.objective < plan.objective < 1.1 * usual.objective
 
 
+def test_the_readme_is_read_in_some_minutes() -> None:
+    assert len(README.split()) <= 900
+
+
 def test_the_readme_shows_what_its_python_prints() -> None:
     """Of the machines of the table below it."""
     (printed,) = re.findall(r"^    (Replay\(.*\))$", README, re.M)

@@ -64,7 +64,7 @@ def test_the_readme_tells_the_least_peak_of_the_plain_polynomial(paper: planner.
     with pytest.raises(planner.NoPlanError) as refused:
         planner.solve(paper, "polynomial")
     (broken,) = refused.value.violations
-    assert f"u2 still reaches {broken.value:.2f} rad/s" in " ".join(read("README.md").split())
+    assert f"best travel | no: input u2 reaches {broken.value:.3g} rad/s" in read("README.md")
     assert f"u2 reaches {broken.value:.2f} rad/s near" in read("docs/howto/explore.md")
 
 
@@ -80,24 +80,58 @@ def test_the_suite_shows_every_problem_and_todays_travels() -> None:
         assert rows["paper"][methods.index(name)] == f"travel {plan.travel:.4g}"
 
 
+README_ROWS = {
+    "collocation compensated": "collocation compensated",
+    "polynomial, best travel": "polynomial",
+    "polynomial, points chosen": "polynomial:points=auto",
+    "sinusoid": "sinusoid",
+    "collocation": "collocation",
+    'collocation, `end="machine"`; E from its predicted motion': "collocation:end=machine",
+    "collocation compensated, with feedback": "collocation compensated + feedback",
+}
+
+
+def compared() -> dict[str, list[str]]:
+    """The rows of results/compare by label."""
+    page = table(read("results/compare/README.md").replace("\\|", ""), "method | solved")
+    return {row[0].strip("`"): row for row in page}
+
+
 def test_the_readme_has_the_table_of_the_comparison() -> None:
     """Row by row, to the digits that it shows; a refused plan by its reason."""
-    told = table(read("README.md"), "method | solved")
-    page = table(read("results/compare/README.md").replace("\\|", ""), "method | solved")
-    assert len(told) == len(page) == 9
-    assert {row[1].split(", ")[-1] for row in page if ": " in row[1] and row[1][:3] == "yes"} == {
+    told, page = table(read("README.md"), "method | solved"), compared()
+    assert [row[0] for row in told] == [*README_ROWS]
+    assert [README_ROWS[row[0]] for row in told] == [
+        label for label in page if label in README_ROWS.values()
+    ]
+    assert {row[1].split(", ")[-1] for row in page.values() if row[1].startswith("yes:")} == {
         "0 % a physical one"  # which README says below the table
     }
-    for mine, row in zip(told, page, strict=True):
-        assert mine[0].split(",")[0].split()[0] == row[0].strip("`").split(":")[0].split()[0]
-        assert ("compensated" in mine[0], "feedback" in mine[0]) == (
-            "compensated" in row[0],
-            "feedback" in row[0],
-        )
+    for mine in told:
+        row = page[README_ROWS[mine[0]]]
         assert mine[1] == row[1].split(": ")[0] if row[1].startswith("yes") else row[1]
         shown = [cell for cells in mine[2:] for cell in cells.split(", ")]
         for short, full in zip(shown, [row[3], row[4], *row[8:12]], strict=True):
             assert f"{float(full):.{len(short.partition('.')[2])}f}" == short
+
+
+def test_the_readme_tells_what_accuracy_costs() -> None:
+    """Times the time and the effort of the plain plan, and of the methods that it leaves out."""
+    text, page = " ".join(read("README.md").split()), compared()
+    plain = page["collocation"]
+    told = re.findall(r"for ([\d.]+) times the time and ([\d.]+) times the effort", text)
+    told += re.findall(r"in the (same) time for ([\d.]+) times the effort", text)
+    labels = [
+        f"collocation{how}" for how in (" compensated", " compensated + feedback", ":end=machine")
+    ]
+    for label, words in zip(labels, told, strict=True):
+        shares = [float(page[label][k]) / float(plain[k]) for k in (3, 4)]
+        assert [float(w.replace("same", "1")) for w in words] == pytest.approx(shares, abs=0.051)
+    others = [page["polynomial compensated:points=auto"], page["sinusoid compensated"]]
+    efforts = " and ".join(f"{float(row[4]):.2f}" for row in others)
+    assert f"polynomial and sinusoid err alike, with effort {efforts}" in text
+    for row in others:
+        assert float(row[8]) == pytest.approx(float(page["collocation compensated"][8]), rel=0.03)
 
 
 def test_the_theory_tells_what_the_calibration_found() -> None:

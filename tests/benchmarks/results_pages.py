@@ -36,7 +36,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "budget": (*MACHINES, "robustness/budget.py"),
     "calibration": ("machine", "paper/calibrate.py"),
     "certificate": ("verification", "tests/benchmarks/certifying.py"),
-    "compare": (*COMPARISONS, "problems/paper.toml"),
+    "compare": (*COMPARISONS, "problems/paper.toml", "tests/benchmarks/comparison.py"),
     "compensation": (*MACHINES, "tests/benchmarks/compensation.py"),
     "controller": (*MACHINES, "report/controller", "tests/benchmarks/controller.py"),
     "coverage": (*PLANS, "tests/benchmarks/coverage.py"),

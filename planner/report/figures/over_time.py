@@ -123,7 +123,7 @@ def plot_z(plans: Plans, *, axes: Any = None) -> tuple[Figure, Any]:
         axes: Axes to draw into: rows × plans of them, in reading order.
 
     Returns:
-        The figure and its axes, shape (rows, plans); more than four plans go on below.
+        The figure and its axes, shape (rows, plans); of more than four plans, at most four abreast.
 
     Raises:
         InputError: If there is nothing to draw or `axes` do not fit.
@@ -188,11 +188,12 @@ def _panels(plan_panels: Panels, drawn: Sequence[Curve], axes: Any) -> tuple[Fig
 
 
 def _columns(plans: Sequence[Panels], drawn: Sequence[Curve], axes: Any) -> tuple[Figure, Any]:
-    """Draw a figure with one column per plan, four abreast; a plan's panels with the same id share
-    axes."""
+    """Draw a figure with one column per plan, at most four abreast; a plan's panels with the same
+    id share axes."""
     columns = [[list(same) for _, same in groupby(each, attrgetter("id"))] for each in plans]
-    abreast, deep = len(drawn) if axes is not None else min(len(drawn), 4), len(columns[0])
-    figure, axes, _ = grid(deep * -(-len(drawn) // abreast), abreast, axes, share=("all", "row"))
+    down = 1 if axes is not None else -(-len(drawn) // 4)
+    abreast, deep = -(-len(drawn) // down), len(columns[0])
+    figure, axes, _ = grid(deep * down, abreast, axes, share=("all", "row"))
     for k, (curve, column) in enumerate(zip(drawn, columns, strict=True)):
         places = axes[deep * (k // abreast) :, k % abreast][:deep]
         for ax, same in zip(places, column, strict=True):
@@ -221,8 +222,7 @@ def _draw(ax: Any, panel: Panel, drawn: Sequence[Curve]) -> None:
     elif isinstance(panel, PlanePanel):
         _plane(ax, panel)
     for series in panel.series:
-        curve = drawn[series.plan]
-        look = curve.look
+        look = drawn[series.plan].look
         if isinstance(panel, PlanePanel):
             look = look | {"label": dict(panel.key).get("path")}
         ax.plot(_times(series, drawn) if series.x is None else series.x, series.y, **look)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from planner.problem.nonholonomy import paper_recursion
 from planner.robustness.sensitivities import sensitivities
 from planner.solve import solve
 from planner.support.arrays import Array
+from planner.support.files import read_toml
 from planner.systems.chained_form import chained_form
 from planner.systems.controllability import controllability
 from planner.systems.manipulator import Manipulator
@@ -33,8 +35,12 @@ Verdict = Literal[
     "measured",
     "calibrated",
     "not printed",
+    "only near a point",
     "true of every plan alike",
 ]
+
+
+TEXTS = read_toml(Path(__file__).with_name("reproduce.toml"), "a table of the page's texts")
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,7 @@ def findings(cases: Cases) -> list[PaperNumber]:
         *_controllability(),
         *_boundary(),
         *_law(cases),
+        *(PaperNumber(*row) for row in TEXTS["claims"]),
         *_domain(cases),
         *_motion(cases),
         _machine(cases),
@@ -159,18 +166,6 @@ def _law(cases: Cases) -> list[PaperNumber]:
             f"one-way motions exist only for {window.low:.5f} to {window.high:.5f} rad; the plain"
             f" cubic stays in the domain for {low:.4f} to {high:.4f}",
             "not printed",
-        ),
-        PaperNumber(
-            "4.2, after (28)",
-            "two constraint points make v2 quartic",
-            "3 boundary values + 2 points = 5 coefficients",
-            "agrees",
-        ),
-        PaperNumber(
-            "4.2, step 3",
-            "z3(t) = z3(0) + z2(0) t + ...",
-            "each integration adds a factor b0 that is not printed here; (27) has it",
-            "misprint",
         ),
     ]
 

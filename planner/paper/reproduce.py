@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from planner.paper.cases import POINT, Z2_MARGIN, Cases, cases
-from planner.paper.numbers import PaperNumber, findings, turned_ratio
+from planner.paper.numbers import TEXTS, PaperNumber, findings, turned_ratio
 from planner.report.figures.arm import plot_arm
 from planner.report.figures.mechanism import plot_mechanism
 from planner.report.figures.on_the_machine import median_sample, plot_replays
@@ -18,7 +18,6 @@ from planner.report.figures.style import COLOURS, grid, heading
 from planner.report.film import animate
 from planner.report.panels import z2_band
 from planner.report.result_folder import folder
-from planner.support.files import read_toml
 from planner.support.package import Figure, provenance
 from planner.support.progress import Tell, expect_listener
 from planner.support.tables import Column, Markup, markdown_table
@@ -144,12 +143,10 @@ def _motors(cases: Cases) -> Figure:
     return figure
 
 
-_TEXTS = read_toml(Path(__file__).with_name("reproduce.toml"), "a table of the page's texts")
-
-MISPRINTS = _TEXTS["misprints"]
+MISPRINTS = TEXTS["misprints"]
 """Place, what is printed there, and what is correct."""
 
-PAPER_FIGURES = _TEXTS["figures"]
+PAPER_FIGURES = TEXTS["figures"]
 """File name without ending, title, and what the figure shows."""
 
 FILM = "arm.gif"
@@ -171,7 +168,7 @@ FINDING_COLUMNS: list[Column[PaperNumber]] = [
 def page(findings: list[PaperNumber], samples: int, seed: int) -> str:
     """Return the text of README.md, the page with findings, misprints and figures."""
     command = f"planner reproduce --out results/paper --samples {samples} --seed {seed}"
-    parts = [_TEXTS["head"].format(provenance=provenance(command)), "## Numbers and claims\n"]
+    parts = [TEXTS["head"].format(provenance=provenance(command)), "## Numbers and claims\n"]
     parts += [markdown_table(FINDING_COLUMNS, findings) + "\n", "\n## Misprints\n"]
     columns = [
         Column(head, "", itemgetter(k), _escape_separators, left=True)

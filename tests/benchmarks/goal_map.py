@@ -1,6 +1,7 @@
 """A map of goals: which of them each method reaches from one start, and at what effort.
 
-    python tests/benchmarks/goal_map.py [problem.toml] [--side 15]     # writes results/map
+    python tests/benchmarks/goal_map.py                                # writes results/map
+    python tests/benchmarks/goal_map.py my.toml --side 7 --out out/map
 
 The goals differ in the last two joints; all else is the problem's. Runs on the sweep engine: the
 database out/map.sqlite keeps finished cases, and the same command goes on where it was ended.
@@ -24,6 +25,7 @@ import planner
 from planner import Problem, run_sweep
 from planner.problem.feasibility import travel_window
 from planner.report.figures.style import LIMIT_COLOUR, OUTSIDE_COLOUR
+from planner.support.files import toml
 from planner.support.package import provenance
 from planner.support.tables import Column, markdown_table
 from planner.sweep.results import read
@@ -117,6 +119,7 @@ def picture(problem: Problem, records: list[Record], window: np.ndarray, span: f
     norm = LogNorm(min(solved), max(solved))
     cell = 2 * span / (len({r["goal.theta_deg"][-1] for r in records}) - 1)
     fine = np.linspace(-span, span, len(window))
+    tick = max(10 * int(0.9 * span / 10), 1)
     for ax, (name, label) in zip(axes, METHODS.items(), strict=False):
         own = [r for r in records if r["method"] == label]
         side = round(np.sqrt(len(own)))
@@ -134,7 +137,8 @@ def picture(problem: Problem, records: list[Record], window: np.ndarray, span: f
         ax.contourf(fine, fine, window, levels=[0.5, 1.5], colors="none", hatches=["//"])
         ax.plot(*np.rad2deg(problem.start[-2:]), "o", color="black", ms=5, mfc="white")
         ax.set_title(f"{name}: {np.isfinite(grid).sum()} of {len(own)} goals", fontsize=10)
-        ax.set(xticks=[-60, 0, 60], yticks=[-60, 0, 60])
+        ticks = [-tick, 0, tick]
+        ax.set(xticks=ticks, yticks=ticks)
     names = [c.name for c in problem.system.coordinates[-2:]]
     for ax in axes[[2, 3, 4]]:
         ax.tick_params(labelbottom=True)
@@ -155,6 +159,17 @@ def picture(problem: Problem, records: list[Record], window: np.ndarray, span: f
     return drawn
 
 
+def conditions(problem: Problem) -> str:
+    """Start, time, limits and the joints that all goals share."""
+    kept = ", ".join(f"{key} = {toml(value)}" for key, value in problem.to_dict()["limits"].items())
+    first = np.rad2deg(problem.goal[1:-2]).round(3).tolist()
+    return (
+        f"start {np.rad2deg(problem.start[1:]).round(3).tolist()} degrees, duration (s)"
+        f" {problem.duration or 'free'}, travel {problem.travel or 'free'}, limits:"
+        f" {kept or 'none'}; joints before the last two end at {first} degrees"
+    )
+
+
 def main() -> int:
     """Run what is missing, and write the table and the picture."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -162,8 +177,12 @@ def main() -> int:
     parser.add_argument("--side", type=int, default=15, help="goals a side of the map")
     parser.add_argument("--span", type=float, default=70.0, help="largest angle of a goal, deg")
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=ROOT / "results" / "map")
+    parser.add_argument("--out", type=Path, help="folder; needed with a problem")
     given = parser.parse_args()
+    if given.out is None:
+        if given.problem is not None:
+            parser.error("a problem of your own needs --out FOLDER")
+        given.out = ROOT / "results" / "map"
     changes: dict[str, Any] = {}
     if given.problem is None:
         changes = {
@@ -194,6 +213,8 @@ def main() -> int:
                 shlex.join(["python", "tests/benchmarks/goal_map.py", *sys.argv[1:]])
             ),
             table=markdown_table(COLUMNS, rows(records)),
+            name=problem.name,
+            conditions=conditions(problem),
             count=given.side**2,
             span=given.span,
         )

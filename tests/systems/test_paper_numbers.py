@@ -34,6 +34,23 @@ def test_boundary_values_and_the_misprint(paper: planner.Problem) -> None:
     np.testing.assert_array_equal(np.round(goal[1:], 4), [-0.5225, 0.4622, 0.5236])
 
 
+@pytest.mark.parametrize("K", [[0.870125, 0.711625], [0.87, 0.71, 0.58]])
+def test_the_jacobian_is_triangular_with_products_on_its_diagonal(K: list[float]) -> None:
+    """(18) to (20), by differences of z and of the slopes at random poses."""
+    system = Manipulator(K)
+    form, size = chained_form(system), len(K) + 2
+    shift = 1e-6 * np.eye(size)
+    for q in np.random.default_rng(0).uniform(0.2, 1.2, (20, size)):
+        jacobian = (form.z(q + shift) - form.z(q - shift)).T / 2e-6
+        slopes = (system.slopes(q + shift) - system.slopes(q - shift)).T / 2e-6
+        assert np.abs(np.tril(jacobian, -1)[1:]).max() < 1e-8
+        product = 1.0
+        for i in range(size - 1, 1, -1):
+            assert jacobian[i, i] == pytest.approx(product, rel=1e-6)
+            product *= slopes[i - 2, i - 1]
+        assert jacobian[1, 1] == pytest.approx(product, rel=1e-6)
+
+
 @given(K2=st.floats(0.01, 100), K3=st.floats(0.01, 100))
 def test_no_constants_give_the_printed_value(K2: float, K3: float) -> None:
     """z₂(T)/z₂(0) has no constant in it, so −0.532 contradicts −0.0324 for every machine."""

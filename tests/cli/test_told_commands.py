@@ -60,7 +60,7 @@ FEW = {"compare": "50", "budget": "50", "sensitivity": "20", "reproduce": "50"}
 SMALLER = {
     "problems/designs/gear-ratios.toml": {
         "[0.6, 0.8, 1.0, 1.25, 1.6]": "[0.8, 1.0]",
-        "kappa = [0.7, 1.0, 1.5]": "kappa = [1.0]",
+        "kappa = [0.5, 0.7, 1.0, 1.5]": "kappa = [1.0]",
         "count = 8": "count = 2",
         "samples = 100": "samples = 20",
     },

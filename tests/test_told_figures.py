@@ -134,6 +134,17 @@ def test_the_readme_tells_what_accuracy_costs() -> None:
         assert float(row[8]) == pytest.approx(float(page["collocation compensated"][8]), rel=0.03)
 
 
+@pytest.mark.campaign
+def test_the_readme_tells_the_errors_with_inertia(paper: planner.Problem) -> None:
+    """By the command below them."""
+    dynamic = paper.changed({"machine.fidelity": "dynamic"})
+    row = planner.compare(dynamic, ["collocation compensated"], samples=200)[
+        "collocation compensated"
+    ]
+    told = f"With inertia E is {row.E_median_deg:.2f} and {row.E_p95_deg:.2f} deg"
+    assert told in " ".join(read("README.md").split())
+
+
 def test_the_theory_tells_what_the_calibration_found() -> None:
     page, told = read("results/calibration/README.md"), " ".join(read("docs/theory.md").split())
     found = re.search(r"\| the paper's words \| \d+ \| 1 of (\d+) \|", page)

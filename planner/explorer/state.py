@@ -17,7 +17,7 @@ from planner.problem.problem import Problem
 from planner.support.files import toml_lines
 
 QUICK_SETTINGS: Mapping[str, Any] = {
-    "method.collocation.starts": 1,
+    "method.collocation.starts": 2,
     "method.collocation.attempts": 2,
     "machine.step_s": 0.01,
 }

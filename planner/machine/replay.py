@@ -102,7 +102,8 @@ class Replay(Recording, Frozen):
         """Median and 95th percentile of E in words; E alone for one machine, which has neither."""
         if len(self.numbers) == 1:
             return f"E {self.index_E_deg[0]:.3g} deg"
-        return f"E median {self.percentile(50):.3g} deg, 95 % {self.percentile(95):.3g} deg"
+        of = " from the predicted motion" if self.plan.ends_on_machine else ""
+        return f"E{of} median {self.percentile(50):.3g} deg, 95 % {self.percentile(95):.3g} deg"
 
     @property
     def slip_words(self) -> str:

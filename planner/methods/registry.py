@@ -368,5 +368,5 @@ def _value(text: str, key: str, value: str) -> Any:
     except ValueError:
         raise InputError(
             f"'{text}': option '{key}' = {value} is not a value; write a number, true, false, a"
-            " word, or a list such as [[5.0, -0.2]]"
+            " word, or a list such as [[5.0, -0.2]]; compensated stands after the method's name"
         ) from None

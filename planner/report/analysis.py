@@ -115,7 +115,8 @@ def methods_table(analysis: Analysis) -> Table:
 
     def figure(outcome: Outcome, name: str, place: int = 0) -> float | None:
         value: Any = without_unit_keys(outcome, system)[name]
-        return float(value[place]) if isinstance(value, list | tuple) else value
+        value = value[place] if isinstance(value, list | tuple) else value
+        return None if value is None else round(value, 9) + 0.0  # no travel of -1e-16
 
     columns: list[Column[Outcome]] = [
         Column("method", "", itemgetter("label"), left=True, width=20, code=True),
@@ -129,7 +130,7 @@ def methods_table(analysis: Analysis) -> Table:
         Column("effort", "", lambda o: o["effort"], number),
         Column("kind", "", _kind, left=True),
     ]
-    return terminal_table(columns, analysis.outcomes)
+    return terminal_table(columns, analysis.outcomes, ruled=True)
 
 
 def _answer(outcome: Outcome) -> str:

@@ -28,7 +28,7 @@ from planner.support.package import Table
 
 R = TypeVar("R")
 
-TABLE_WIDTH, LEAST_TEXT_WIDTH, HEAD_WIDTH = 80, 10, 11
+TABLE_WIDTH, LEAST_TEXT_WIDTH, HEAD_WIDTH = 80, 12, 11
 """Characters: width of a table in a terminal, least width of the text column of a ruled table,
 width of a line of a column head."""
 

@@ -198,59 +198,29 @@ def _nearest(system: TriangularSystem, count: int) -> _Nearest:
 
 def chain_programme(system: TriangularSystem, count: int) -> tuple[dict[str, Any], dict[str, Any]]:
     """Build the programme of the nearest chain, and the solver's options with the derivatives."""
-    size = system.size
-    w, near = (ca.MX.sym(name, count * (size + 2) + size) for name in ("w", "near"))
-    columns = ca.reshape(w[:-size], size + 2, count)
-    q, u = columns[:size, :], columns[size:, :]
-    after = ca.horzcat(q[:, 1:], w[-size:])
-    one = piece(system)
-    f, g = ca.sumsqr(w - near), ca.vec(after - one.end.map(count)(q, u))
+    size, m = system.size, system.size + 2
+    w, near = (ca.MX.sym(name, count * m + size) for name in ("w", "near"))
+    columns = ca.reshape(w[:-size], m, count)
+    after = ca.horzcat(columns[:size, 1:], w[-size:])
+    one, given = piece(system), (columns[:size, :], columns[size:, :])
+    f, g = ca.sumsqr(w - near), ca.vec(after - one.end.map(count)(*given))
     scale, dual = ca.MX.sym("scale"), ca.MX.sym("dual", size * count)
-    curved = one.curvature.map(count)(q, u, ca.reshape(dual, size, count))
-    by_q, by_u = one.slopes.map(count)(q, u)
-    jacobian = _jacobian(size, count, by_q, by_u)
-    hessian = _hessian(size, count, scale, curved)
-    names, given = ["x", "p"], [w, near, scale, dual]
+    curved = one.curvature.map(count)(*given, ca.reshape(dual, size, count))
+    alone, every = ca.DM.eye(count), ca.DM.eye(count * m + size)
+    blocks = ca.MX(
+        ca.kron(alone, ca.DM.ones(size, m)).sparsity(), ca.vec(one.slopes.map(count)(*given))
+    )
+    following = ca.horzcat(ca.DM(size * count, m), ca.kron(alone, ca.DM.eye(m)[:size, :]))
+    jacobian = following[:, : count * m + size] - ca.horzcat(blocks, ca.MX(size * count, size))
+    blocks = ca.MX(ca.kron(alone, ca.DM.ones(m, m)).sparsity(), ca.vec(curved))
+    hessian = ca.triu(2 * scale * every - ca.diagcat(blocks, ca.MX(size, size)))
+    names, inputs = ["x", "p"], [w, near, scale, dual]
     given_names = [*names, "lam_f", "lam_g"]
     derivatives = {
         "jac_g": ca.Function("nlp_jac_g", [w, near], [g, jacobian], names, ["g", "jac_g_x"]),
-        "hess_lag": ca.Function("nlp_hess_l", given, [hessian], given_names, ["hess_gamma_x_x"]),
+        "hess_lag": ca.Function("nlp_hess_l", inputs, [hessian], given_names, ["hess_gamma_x_x"]),
     }
     return {"x": w, "p": near, "f": f, "g": g}, {**_OPTIONS, **derivatives}
-
-
-def _jacobian(size: int, count: int, by_q: Any, by_u: Any) -> Any:
-    """Return the Jacobian of the gaps: in piece k's rows its negative slopes, and 1 at q_(k+1)."""
-    blocks = ca.vertcat(ca.reshape(by_q, size * size, count), ca.reshape(by_u, size * 2, count))
-    entries = ca.vertcat(ca.vec(-blocks), ca.MX(ca.DM.ones(size * count)))
-    sizes = count, size + 2, size
-    k, column, row = np.meshgrid(*map(np.arange, sizes), indexing="ij")
-    rows, columns = (size * k + row).ravel(), ((size + 2) * k + column).ravel()
-    following = (size + 2) * (np.arange(size * count) // size + 1) + np.arange(size * count) % size
-    rows = np.concatenate([rows, np.arange(size * count)])
-    columns = np.concatenate([columns, following])
-    return _sparse(size * count, (size + 2) * count + size, rows, columns, entries)
-
-
-def _hessian(size: int, count: int, scale: Any, curved: Any) -> Any:
-    """Return the Hessian's upper triangle: a block per piece, and 2 `scale` on the diagonal."""
-    m = size + 2
-    row, column = np.triu_indices(m)
-    inside = (row + m * column).tolist()
-    blocks = ca.vec(ca.reshape(curved, m * m, count)[inside, :])
-    diagonal = np.tile(np.where(row == column, 2.0, 0.0), count)
-    entries = ca.vertcat(scale * ca.DM(diagonal) - blocks, scale * ca.DM(np.full(size, 2.0)))
-    offsets = m * np.arange(count)[:, None]
-    last = m * count + np.arange(size)
-    rows = np.concatenate([(offsets + row).ravel(), last])
-    columns = np.concatenate([(offsets + column).ravel(), last])
-    return _sparse(m * count + size, m * count + size, rows, columns, entries)
-
-
-def _sparse(height: int, width: int, rows: Any, columns: Any, entries: Any) -> Any:
-    order = np.lexsort((rows, columns))
-    pattern = ca.Sparsity.triplet(height, width, rows[order].tolist(), columns[order].tolist())
-    return ca.MX(pattern, entries[order.tolist()])
 
 
 _OPTIONS: dict[str, Any] = {
@@ -279,7 +249,7 @@ class Piece:
 
     Attributes:
         end: End of the piece, N.
-        slopes: Jacobians of the end with respect to q (N × N) and u (N × 2), dense.
+        slopes: Jacobian of the end with respect to (q, u), dense.
         curvature: Hessian of λ · end with respect to (q, u), dense; λ is a third argument.
     """
 
@@ -295,13 +265,12 @@ def piece(system: TriangularSystem) -> Piece:
     end = q
     for _ in range(STEPS):
         end = runge_kutta.step(lambda x, _: ca.vertcat(*system.rates_expr(x, u)), end, 1.0 / STEPS)
-    jacobians = [ca.densify(ca.jacobian(end, q)), ca.densify(ca.jacobian(end, u))]
-    dual = ca.SX.sym("dual", system.size)
-    hessian = ca.densify(ca.hessian(ca.dot(dual, end), ca.vertcat(q, u))[0])
+    both, dual = ca.vertcat(q, u), ca.SX.sym("dual", system.size)
+    slopes, curvature = ca.jacobian(end, both), ca.hessian(ca.dot(dual, end), both)[0]
     return Piece(
         end=ca.Function("end", [q, u], [end]),
-        slopes=ca.Function("slopes", [q, u], jacobians),
-        curvature=ca.Function("curvature", [q, u, dual], [hessian]),
+        slopes=ca.Function("slopes", [q, u], [ca.densify(slopes)]),
+        curvature=ca.Function("curvature", [q, u, dual], [ca.densify(curvature)]),
     )
 
 

@@ -38,6 +38,7 @@ from planner.problem.problem import Problem
 from planner.problem.requirements.requirement import MotionPoint
 from planner.support import progress
 from planner.support.arrays import Array
+from planner.systems.manipulator import Manipulator
 
 INFEASIBLE = "Infeasible_Problem_Detected"
 
@@ -213,8 +214,18 @@ def path_task(job: Task) -> Task:
     inputs = 1 / job.problem.limits.input_scale**2
     u1, u2 = (inputs / np.mean(inputs)).tolist()
     settings, effort = replace(job.settings, direct=False), {"effort u1": u1, "effort u2": u2}
-    free = task(unhurried, Objective("effort", effort), job.nlp.form, job.mesh, demands, settings)
+    form = replace(job.nlp.form, soft_goal=_may_miss(job))
+    free = task(unhurried, Objective("effort", effort), form, job.mesh, demands, settings)
     return replace(free, inset=job.inset)
+
+
+def _may_miss(job: Task) -> bool:
+    """Return whether the goal of a path may be soft at first: it is a long arm's, and no more."""
+    system, form, problem = job.problem.system, job.nlp.form, job.problem
+    long = isinstance(system, Manipulator) and system.size > SURE_ONE_WAY
+    plain = not (problem.divided or problem.waypoints or form.augmented or form.follower)
+    free = job.settings.solver == "auto" and form.intervals <= MOST_INTERVALS
+    return long and plain and free
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400

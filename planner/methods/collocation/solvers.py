@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import casadi as ca
@@ -15,6 +15,7 @@ import numpy as np
 
 from planner.methods.collocation.transcription.bounds import Bounds
 from planner.methods.collocation.transcription.transcription import Program, Transcription
+from planner.methods.collocation.transcription.unknowns import Index
 from planner.plan.measures import INTEGRALS
 from planner.problem.tables.method_options import SolverName
 from planner.support import deadline
@@ -27,13 +28,6 @@ NEAR_DISTANCE = 1e-4
 FATROP_ROWS = 1e-8
 """Tolerance of the rows in Fatrop, which is independent of the objective's factor."""
 
-FATROP_ITERATIONS = 100
-"""Largest number of iterations of Fatrop; problems that Fatrop can solve need some tens."""
-
-FATROP_TOLERANCE = 1e-7
-"""Least tolerance of Fatrop. With less, rounding keeps Fatrop from finishing when limits are
-active. A smaller tolerance changes the objective by less than 1e-7 and leaves rows as accurate."""
-
 FATROP_RELAXES = 1e-8
 """Distance by which Fatrop's iterates may exceed a bound, relative to the bound or to one."""
 
@@ -45,6 +39,10 @@ SHORT_CHAIN = 5
 """Largest number of coordinates of a short chain. On longer chains Fatrop fails, since it
 eliminates the goal backwards through the inputs of the last few intervals, which loses all digits;
 and longer chains have many optima."""
+
+GOAL_PENALTY = 1e5
+"""Factor of a soft goal in Fatrop's objective: paths end about 1e-4 off the goal, and IPOPT goes on
+from there. With ten times the factor the search took 1.1 times as long."""
 
 COARSE_INTERVALS = 40
 """Number of intervals above which a path is being refined rather than searched."""
@@ -102,6 +100,10 @@ class Strategy:
         barrier: Initial barrier parameter of Fatrop, multiplied by `weight` if the start is near;
             None for Fatrop's default, 0.1.
         ipopt: Options of IPOPT for the barrier: fixed or adaptive.
+        fatrop_iterations: The same for Fatrop; problems that Fatrop can solve need some tens.
+        fatrop_tolerance: Least tolerance of Fatrop. With less than the default, rounding keeps
+            Fatrop from finishing when limits are active. A smaller tolerance changes the objective
+            by less than 1e-7 and leaves rows as accurate.
         iterations: Largest number of iterations.
         reference_s: Duration, s, in the search for a path. A long duration makes the effort small
             relative to the rows: then paths of long chains are found more often, but paths of
@@ -114,6 +116,8 @@ class Strategy:
     barrier: float | None
     ipopt: dict[str, Any]
     iterations: int = 10**6
+    fatrop_iterations: int = 100
+    fatrop_tolerance: float = 1e-7
     reference_s: float = 10.0
     guesses: int = 16
 
@@ -121,6 +125,7 @@ class Strategy:
 _ADAPTIVE: dict[str, Any] = {"mu_strategy": "adaptive"}
 _PUSHES = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
 _CLOSE: dict[str, Any] = {"mu_init": 1e-6, **dict.fromkeys(_PUSHES, NEAR_DISTANCE)}
+_FEASIBLE: dict[str, Any] = {"mu_init": 1e-2, **dict.fromkeys(_PUSHES, 1e-3)}
 
 STRATEGIES = {
     # the answer is close to the start: 4 to 20 iterations in 130 of the 134 random problems that
@@ -131,11 +136,17 @@ STRATEGIES = {
     "near": Strategy(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
     "near, long chain": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE),
     "near, many intervals": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
+    # a path at its own speed is a feasible start that is far from the best
+    "timing": Strategy(("ipopt",), 1.0, None, _FEASIBLE),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Strategy(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
     # many optima: a large barrier that decreases stepwise finds better ones and avoids long detours
     # along z2 = 0; it is also not slow when the limits of a path are tightened
     "far, winding": Strategy(("ipopt",), 1.0, None, {}),
+    # 1.4 times IPOPT's iterations, each in 0.45 of the time; IPOPT then needs some ten
+    "soft goal": Strategy(
+        ("fatrop", "ipopt"), 1e-3, None, {}, fatrop_iterations=500, fatrop_tolerance=0.1
+    ),
     "far, long chain": Strategy(("ipopt",), 1.0, None, {}, reference_s=100.0, guesses=0),
 }
 """The strategy for each kind of start, by name."""
@@ -151,13 +162,16 @@ def strategy(nlp: Transcription, settings: Settings) -> Strategy:
     short = nlp.system.size <= SHORT_CHAIN and not (form.augmented or form.follower)
     if settings.near and form.intervals > MANY_INTERVALS:
         return STRATEGIES["near, many intervals"]
+    if form.soft_goal and not settings.near:
+        return STRATEGIES["soft goal"]
     if settings.near or settings.direct:
         kind = "near" if settings.near else "straight"
         return STRATEGIES[kind if short else f"{kind}, long chain"]
     if form.augmented or form.follower:
         return STRATEGIES["far"]
-    if not short:
-        return STRATEGIES["far, long chain"]
+    divided = any(required.divides for required in form.kept)
+    if not short or (form.inner and form.free_duration and not divided):
+        return STRATEGIES["far, long chain" if not short else "timing"]
     winding = any("q" in required.reads and not required.is_direct for required in form.kept)
     is_narrow = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
     return STRATEGIES["far, winding" if winding or is_narrow else "far"]
@@ -220,9 +234,9 @@ class _Fatrop:
         self._weight = row.weight
         options: dict[str, Any] = {
             "print_level": 0,
-            "tol": max(settings.tolerance, FATROP_TOLERANCE) * row.weight,
+            "tol": max(settings.tolerance, row.fatrop_tolerance) * row.weight,
             "constr_viol_tol": FATROP_ROWS,
-            "max_iter": min(settings.max_iterations, row.iterations, FATROP_ITERATIONS),
+            "max_iter": min(settings.max_iterations, row.iterations, row.fatrop_iterations),
         }
         if settings.near:
             options |= {"bound_push": NEAR_DISTANCE, "bound_frac": NEAR_DISTANCE}
@@ -259,6 +273,8 @@ class _Fatrop:
         return answer
 
     def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
+        if self._nlp.form.soft_goal:
+            data = _with_soft_goal(data, self._nlp.layout.nodes[-1])
         bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()
         weighted[:INTEGRALS] *= self._weight
@@ -292,6 +308,19 @@ def backend(nlp: Transcription, settings: Settings) -> Backend:
         nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
     solver: Backend = nlp.solvers[settings]
     return solver
+
+
+def _with_soft_goal(data: Bounds, last: Index) -> Bounds:
+    """Return the numbers with the given unknowns free, and with the penalty where they were fixed.
+
+    Fatrop then eliminates no goal backwards, which fails on long chains (see `SHORT_CHAIN`).
+    """
+    lower, upper, numbers = data.lower.copy(), data.upper.copy(), data.parameters.copy()
+    fixed = lower[last] == upper[last]
+    goal = np.where(fixed, lower[last], 0.0)
+    numbers[-2 * len(last) :] = np.concatenate([goal, GOAL_PENALTY * fixed])
+    lower[last[fixed]], upper[last[fixed]] = -np.inf, np.inf
+    return replace(data, lower=lower, upper=upper, parameters=numbers)
 
 
 def _draw_in(lower: Array, upper: Array) -> tuple[Array, Array]:

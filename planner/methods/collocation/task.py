@@ -43,6 +43,9 @@ ACCEPTED_RESIDUAL = 1e-7
 FEASIBLE_RESIDUAL = 1e-5
 """Largest residual of a solver's last iterate at which the next solver starts from this iterate."""
 
+SOFT_RESIDUAL = 1e-2
+"""The same if the goal was only a term of the solver's objective (`Form.soft_goal`)."""
+
 STRAYED = 0.01
 """Share by which a solution may cost more than a near start, because of a finer mesh or tighter
 limits. Fatrop, which takes long steps, sometimes finds another optimum that costs far more."""
@@ -111,9 +114,10 @@ class Task:
         """
         nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
         iterations, solution, best = 0, None, None
+        near_enough = SOFT_RESIDUAL if nlp.form.soft_goal else FEASIBLE_RESIDUAL
         most = (1 + STRAYED) * self.judge(start).objective if near else np.inf
         for name in names(nlp, settings):
-            if solution and not solution.ok and solution.residual <= FEASIBLE_RESIDUAL:
+            if solution and not solution.ok and solution.residual <= near_enough:
                 start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
             progress.count(solves=1)

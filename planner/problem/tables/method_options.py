@@ -245,8 +245,8 @@ class CollocationOptions(Table):
     """Largest number of mesh refinements; 0 keeps the initial mesh."""
     solver: Annotated[Literal["auto", SolverName], NO_SLIDER] = "auto"
     """Solver of the nonlinear program. auto: Fatrop, which uses the stage structure, close to a
-    solution and for simple problems with a given duration; IPOPT otherwise and where Fatrop
-    fails."""
+    solution, for simple problems with a given duration, and for paths of arms with more than three
+    joints; IPOPT otherwise, at the end of such paths, and where Fatrop fails."""
     tolerance: Accuracy = 1e-9
     """Solver tolerance."""
     max_iterations: Iterations = 500

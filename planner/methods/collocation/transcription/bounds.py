@@ -139,7 +139,8 @@ def bounds(
     duration = [] if problem.duration is None else [problem.duration / units.time_s]
     weights = units.weights(objective.weights)
     smoothing = [demands.smoothing] * (nlp.form.follower is not None)
-    parameters = np.concatenate([weights, numbers, smoothing, duration, mesh.widths])
+    goal = np.zeros(2 * problem.system.size * nlp.form.soft_goal)
+    parameters = np.concatenate([weights, numbers, smoothing, duration, mesh.widths, goal])
     sides = lower / of_unknowns, upper / of_unknowns, row_lower.ravel(), row_upper.ravel()
     return Bounds(*sides, parameters, mesh.widths, of_unknowns)
 

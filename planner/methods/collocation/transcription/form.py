@@ -169,6 +169,8 @@ class Form:
         augmented: The system with its response to errors, if that is transcribed; else None.
         follower: The joints of the nominal machine, if their motion is transcribed too; else None.
         units: Units of the unknowns, and of rows that depend on inputs.
+        soft_goal: Whether the end's distance from the goal can be a term of the objective, with the
+            goal and a penalty of each coordinate as parameters.
     """
 
     intervals: int
@@ -183,6 +185,7 @@ class Form:
     augmented: Augmented | None = None
     follower: Follower | None = None
     units: Units = Units()
+    soft_goal: bool = False
 
     @property
     def parameters(self) -> int:

@@ -31,7 +31,7 @@ import numpy as np
 from planner.methods.collocation.transcription.augmented import MovingSystem
 from planner.methods.collocation.transcription.form import Form
 from planner.methods.collocation.transcription.interval import Rows, Stage, order, stage
-from planner.methods.collocation.transcription.unknowns import Index, Iterate, Layout, layout
+from planner.methods.collocation.transcription.unknowns import Iterate, Layout, layout
 from planner.problem.problem import Problem
 from planner.support import deadline
 from planner.support.arrays import Array
@@ -73,16 +73,23 @@ class _Assembly:
     """Builder of a programme by repeating one interval over the mesh; the unknowns are a column per
     interval, then the last state."""
 
-    def __init__(self, stage: Stage, layout: Layout, functions: IntervalFunctions) -> None:
+    def __init__(
+        self, form: Form, stage: Stage, layout: Layout, functions: IntervalFunctions
+    ) -> None:
         self.K, self.ny, self.nc = layout.intervals, layout.state, layout.control
         self.height, self.m = stage.height, layout.state + layout.control
         self.functions, weights = functions, stage.weights.numel()
-        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", weights + self.K)
+        goal = 2 * layout.nodes.shape[1] * form.soft_goal
+        self.x, self.p = ca.MX.sym("x", layout.size), ca.MX.sym("p", weights + self.K + goal)
         self.columns = ca.reshape(self.x[: self.K * self.m], self.m, self.K)
         self.last = self.x[self.K * self.m :]
         self.end = ca.Function("end", [stage.state], [stage.end])(self.last)
+        if form.soft_goal:
+            aim, penalty = ca.vertsplit(self.p[weights + self.K :], goal // 2)
+            self.end += ca.dot(penalty, (self.last[: goal // 2] - aim) ** 2) / 2
+        widths = self.p[weights : weights + self.K]
         self.bend, self.slope = ca.hessian(self.end, self.x)
-        self.parameters = ca.vertcat(ca.repmat(self.p[:weights], 1, self.K), self.p[weights:].T)
+        self.parameters = ca.vertcat(ca.repmat(self.p[:weights], 1, self.K), widths.T)
 
     def program(self) -> Program:
         f = ca.sum2(*self._mapped(self.functions.cost)) + self.end
@@ -121,18 +128,15 @@ class _Assembly:
     def _jacobian(self) -> Any:
         """Build the Jacobian of g, in which states have ones in the previous interval's rows."""
         rows, nonzeros = self._mapped(self.functions.jacobian)
-        row, column = self.functions.jacobian_pattern
-        stages, last = np.arange(self.K)[:, None], np.arange(self.ny)
-        row = np.append(self.height * stages + row, self.height * (self.K - 1) + last)
-        column = np.append(self.m * stages + column, self.m * self.K + last)
-        there = row >= 0
-        values = ca.vertcat(ca.vec(nonzeros), ca.MX.ones(self.ny))[np.flatnonzero(there).tolist()]
-        pattern = self._pattern(self.K * self.height, row[there], column[there])
-        outputs = [self._rows(rows), ca.MX(pattern, values)]
+        one = ca.vertcat(ca.DM.eye(self.m)[: self.ny, :], ca.DM(self.height - self.ny, self.m))
+        ones = ca.horzcat(ca.DM(self.K * self.height, self.m), ca.kron(ca.DM.eye(self.K), one))
+        own = self._blocks(self.functions.jacobian_pattern, nonzeros)
+        whole = ca.horzcat(own, ca.MX(own.size1(), self.ny)) + ones[:, : self.x.numel()]
+        outputs = [self._rows(rows), whole]
         return ca.Function("nlp_jac_g", self._xp, outputs, ["x", "p"], ["g", "jac_g_x"])
 
     def _lagrangian(self) -> tuple[list[Any], Any, Any]:
-        """Return the Lagrangian's arguments, gradient, and Hessian nonzeros of each interval."""
+        """Return the Lagrangian's arguments, gradient and Hessian."""
         scale, duals = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.K * self.height)
         columns = ca.reshape(duals, self.height, self.K)
         scales = ca.repmat(scale, 1, self.K)
@@ -140,30 +144,23 @@ class _Assembly:
         following = ca.vertcat(ca.MX.zeros(self.nc, self.K), columns[: self.ny, :])
         gradient = ca.vertcat(ca.vec(gradients), ca.MX.zeros(self.ny))
         gradient += ca.vertcat(ca.MX.zeros(self.ny), ca.vec(following))
-        return [*self._xp, scale, duals], gradient + scale * self.slope, nonzeros
+        blocks = self._blocks(self.functions.hessian_pattern, nonzeros)
+        hessian = ca.diagcat(blocks, ca.MX(self.ny, self.ny)) + scale * self.bend
+        return [*self._xp, scale, duals], gradient + scale * self.slope, hessian
 
     def _gradient_and_hessian(self) -> Any:
-        inputs, gradient, nonzeros = self._lagrangian()
+        inputs, gradient, hessian = self._lagrangian()
         names = ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
-        whole = self._blocks(nonzeros, *self.functions.hessian_pattern) + inputs[2] * self.bend
-        return ca.Function("nlp_hess_l", inputs, [gradient, whole], *names)
+        return ca.Function("nlp_hess_l", inputs, [gradient, hessian], *names)
 
     def _triangle(self) -> Any:
-        inputs, _, nonzeros = self._lagrangian()
-        row, column = self.functions.hessian_pattern
-        upper = np.flatnonzero(row <= column)
-        whole = self._blocks(nonzeros[upper.tolist(), :], row[upper], column[upper])
-        whole += inputs[2] * ca.triu(self.bend)
+        inputs, _, hessian = self._lagrangian()
         names = ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"]
-        return ca.Function("nlp_hess_l", inputs, [whole], *names)
+        return ca.Function("nlp_hess_l", inputs, [ca.triu(hessian)], *names)
 
-    def _blocks(self, nonzeros: Any, row: Index, column: Index) -> Any:
-        stages = self.m * np.arange(self.K)[:, None]
-        pattern = self._pattern(self.x.numel(), (stages + row).ravel(), (stages + column).ravel())
-        return ca.MX(pattern, ca.vec(nonzeros))
-
-    def _pattern(self, height: int, row: Index, column: Index) -> Any:
-        return ca.Sparsity.triplet(height, self.x.numel(), row.tolist(), column.tolist())
+    def _blocks(self, pattern: Any, nonzeros: Any) -> Any:
+        """Return the matrix with a block of this pattern for each interval on its diagonal."""
+        return ca.MX(ca.kron(ca.DM.eye(self.K), ca.DM(pattern, 1)).sparsity(), ca.vec(nonzeros))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,11 +233,8 @@ def transcription(system: TriangularSystem, form: Form) -> Transcription:
         layout=places,
         labels=symbols.labels,
         height=symbols.height,
-        program=_Assembly(symbols, places, functions).program(),
+        program=_Assembly(form, symbols, places, functions).program(),
     )
-
-
-Pattern = tuple[Index, Index]
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,13 +247,12 @@ class IntervalFunctions:
         cost: Gives the cost.
         rows: Gives the rows, the first being minus the next state.
         gradient: Gives the gradient of the cost.
-        jacobian: Gives the rows, and the nonzeros of (identity; Jacobian of the rows) by columns.
+        jacobian: Gives the rows, and the nonzeros of their Jacobian by columns.
         gradient_and_hessian: With lam_f and lam_g also as arguments, gives the gradient of the
             Lagrangian and the nonzeros of its Hessian.
         points: Gives the coordinates at the collocation points.
-        jacobian_pattern: Rows and columns of the Jacobian's nonzeros; the identity's rows belong to
-            the previous interval, so they are negative.
-        hessian_pattern: Rows and columns of the Hessian's nonzeros, both triangles.
+        jacobian_pattern: Sparsity of the Jacobian.
+        hessian_pattern: Sparsity of the Hessian, both triangles.
     """
 
     cost: Any
@@ -268,8 +261,8 @@ class IntervalFunctions:
     jacobian: Any
     gradient_and_hessian: Any
     points: Any
-    jacobian_pattern: Pattern
-    hessian_pattern: Pattern
+    jacobian_pattern: Any
+    hessian_pattern: Any
 
 
 def interval_functions(stage: Stage) -> IntervalFunctions:
@@ -284,11 +277,7 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
     scale, duals = ca.SX.sym("scale"), ca.SX.sym("duals", stage.height)
     chain = ChainRule(unknowns, stage.inside, stage.meaning)
     gradient, hessian = chain.second(scale * stage.cost + ca.dot(duals, rows))
-    identity = ca.DM.eye(stage.state.numel())
-    zeros = ca.DM(identity.size1(), stage.control.numel())
-    jacobian = ca.vertcat(ca.horzcat(identity, zeros), chain.jacobian(rows))
-    (row, column), states = _pattern(jacobian), stage.state.numel()
-    leading = np.where(row < states, row - stage.height, row - states), column
+    jacobian = chain.jacobian(rows)
     return IntervalFunctions(
         cost=_function(chain, "cost", inputs, [stage.cost]),
         rows=_function(chain, "rows", inputs, [rows]),
@@ -298,8 +287,8 @@ def interval_functions(stage: Stage) -> IntervalFunctions:
             chain, "hessian", [*inputs, scale, duals], [gradient, hessian.nz[:]]
         ),
         points=_function(chain, "points", inputs, [ca.vec(stage.points)]),
-        jacobian_pattern=leading,
-        hessian_pattern=_pattern(hessian),
+        jacobian_pattern=jacobian.sparsity(),
+        hessian_pattern=hessian.sparsity(),
     )
 
 
@@ -307,11 +296,6 @@ def _function(chain: ChainRule, name: str, inputs: list[Any], outputs: list[Any]
     deadline.check()
     outputs = ca.cse([ca.densify(out) for out in chain.substitute(outputs)])
     return ca.Function(f"interval_{name}", inputs, outputs)
-
-
-def _pattern(matrix: Any) -> Pattern:
-    row, column = matrix.sparsity().get_triplet()
-    return np.array(row, dtype=np.int64), np.array(column, dtype=np.int64)
 
 
 class ChainRule:

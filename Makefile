@@ -3,7 +3,7 @@
 #   make compare   the paper's problem, polynomial against optimal, on the emulated machine
 #   make comparison  the same with every method of README's table, to results/compare (a minute)
 #   make suite     every method on every problem, to results/suite
-#   make bench     speed of collocation beside scripts by hand, to results/benchmarks
+#   make bench     speed beside an earlier version, scripts by hand and frameworks, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
 #   make stress    the suite's longer cases; damaged plans, to results/judging; random pairs by family
 #                  and 5,000 random problems, to results/stress (hours; continues where it ended)
@@ -64,7 +64,7 @@ suite: $(VENV)/.run
 # BEFORE is the version to compare with: the one whose times were the reason for the aims.
 BEFORE ?= a2c643bc
 bench: $(VENV)/.run
-	@$(PIP) install -e '.[rivals]' || echo "some of the frameworks cannot be installed; they are left out"
+	@$(PIP) install -e '.[rivals]' || echo "the frameworks cannot be installed; they are left out"
 	@$(BIN)/python tests/benchmarks/beside.py --before $(BEFORE)
 	@$(BIN)/python tests/benchmarks/collocation.py
 	@$(BIN)/python tests/benchmarks/replay.py --out results/benchmarks

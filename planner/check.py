@@ -189,8 +189,8 @@ def check(
     Args:
         problem: The problem.
         methods: Methods to try, as `compare` takes them. By default every method that does not
-            start from the plan of another method. If they have no plan, the polynomial is tried
-            with automatic constraint points too, and `piecewise` with ten slots.
+            start from the plan of another method; the polynomial also with automatic constraint
+            points, and `piecewise` with ten slots, each if it has no plan without.
         progress: Called with one line of text before each slow step.
         time_limit_s: Seconds for the whole analysis. The methods and the search for a remedy share
             the time that remains; see `planner.solve`.

@@ -129,7 +129,8 @@ def plan(
                 motion = replace(motion, notes={**motion.notes, "after": after.name})
             summary = plan_summary(motion, check)
             # A compensated plan swings before it starts.
-            summary["on_machines"], touch = machine_facts(motion, motion.is_compensated)
+            facts_of = motion.verified and machine_facts(motion, motion.is_compensated)
+            summary["on_machines"], touch = facts_of or (None, "")
     except NoPlanError as error:
         return _report_refusal(task, spec.method, error)
     summary |= _heading(task) | {"written": out and motion.save(out), "figure": figure}
@@ -174,14 +175,14 @@ def machine_facts(
 ) -> tuple[dict[str, Any] | None, str]:
     """Return where random machines take an arm and what its links touch, as data and in words.
 
-    Return None and "" for other systems and for plans that are not verified, and if no `space` is
-    asked for and the problem has no obstacles and no clearance of the links. The data have the
-    least and greatest joint angles, and x and y of all joints and the tip.
+    Return None and "" for other systems, and if no `space` is asked for and the problem has no
+    obstacles and no clearance of the links. The data have the least and greatest joint angles, and
+    x and y of all joints and the tip.
     """
     from planner.machine.replay import RECORD_S, replay  # slow to import
 
     arm, solid = plan.problem.system, any(each.solid for each in plan.problem.requirements)
-    if not (isinstance(arm, PlanarArm) and plan.verified and (solid or space)):
+    if not isinstance(arm, PlanarArm) or not (solid or space):
         return None, ""
     record_s = max(RECORD_S, plan.duration / MOST_INSTANTS)
     run = replay(plan, samples=SPACE_MACHINES, record_s=record_s, feedback=feedback)

@@ -1,10 +1,11 @@
 """Every place where people wait, beside an earlier version: the first table of results/benchmarks.
 
-    python tests/benchmarks/beside.py [--before COMMIT] [--rounds 2]
+    python tests/benchmarks/beside.py [JOB ...] [--before COMMIT] [--rounds 2]
 
 The earlier version is built from the repository's history into out/before. The jobs are those of
 `jobs.py`, each in a process of its own, the versions in turns; a case's seconds are the least of
-the rounds, and of the processor. Writes results/benchmarks/beside.json for `collocation.py`.
+the rounds, and of the processor. Writes results/benchmarks/beside.json for `collocation.py`; of
+named jobs only their part.
 """
 
 from __future__ import annotations
@@ -73,13 +74,13 @@ ROWS = (
 def built(commit: str, folder: Path) -> Path:
     """An earlier version as pip would install it, its compiled replay included."""
     target = folder / commit / "installed"
-    if target.exists():
+    if list(target.glob("planner/machine/_kernel*")):
         return target
     words = ["git", "-C", str(ROOT), "archive", commit]
     try:
         archive = subprocess.run(words, capture_output=True, check=True).stdout
     except (OSError, subprocess.CalledProcessError):
-        sys.exit(f"{commit} is not in the history here: name another version by --before COMMIT")
+        sys.exit(f"{commit} is not in the history here: name another by --before, BEFORE= in make")
     with tarfile.open(fileobj=io.BytesIO(archive)) as packed:
         packed.extractall(folder / commit / "source", filter="data")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target"]
@@ -143,14 +144,17 @@ def lost(found: dict[str, Any]) -> list[str]:
 def main() -> None:
     """Measure in turns and write the record."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("jobs", nargs="*", choices=[*JOBS, []], default=[])
     parser.add_argument("--before", default="a2c643bc", help="commit to compare with")
     parser.add_argument("--rounds", type=int, default=2)
     parser.add_argument("--out", type=Path, default=RECORD)
     given = parser.parse_args()
     packages = [built(given.before, ROOT / "out" / "before"), ROOT]
     found: dict[str, Any] = {"before": given.before, "jobs": {}}
+    if given.jobs:
+        found = json.loads(given.out.read_text(encoding="utf-8"))
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        for job in progress.track(JOBS, description="beside an earlier version"):
+        for job in progress.track(given.jobs or JOBS, description="beside an earlier version"):
             found["jobs"][job] = turns(job, packages, given.rounds)
     given.out.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     for line in table(found):

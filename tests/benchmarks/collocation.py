@@ -79,6 +79,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
+    earlier = json.loads(beside.RECORD.read_text(encoding="utf-8"))
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:
         step = progress.add_task("collocation", total=len(cases()) + 6)
@@ -99,7 +100,6 @@ def main() -> int:
             progress.update(step, description=name)
             scaling[name] = measure()
             progress.advance(step)
-    earlier = json.loads(beside.RECORD.read_text(encoding="utf-8"))
     found = {"contests": contests, "left_out": missing(), "beside": earlier, **scaling}
     bench_report.write(arguments.out, found)
     if missing():

@@ -162,10 +162,11 @@ def picture(problem: Problem, records: list[Record], window: np.ndarray, span: f
 def conditions(problem: Problem) -> str:
     """Start, time, limits and the joints that all goals share."""
     kept = ", ".join(f"{key} = {toml(value)}" for key, value in problem.to_dict()["limits"].items())
+    travel = "free" if problem.travel is None else problem.travel
     first = np.rad2deg(problem.goal[1:-2]).round(3).tolist()
     return (
         f"start {np.rad2deg(problem.start[1:]).round(3).tolist()} degrees, duration (s)"
-        f" {problem.duration or 'free'}, travel {problem.travel or 'free'}, limits:"
+        f" {problem.duration or 'free'}, travel {travel}, limits:"
         f" {kept or 'none'}; joints before the last two end at {first} degrees"
     )
 

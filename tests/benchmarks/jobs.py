@@ -154,7 +154,10 @@ def commands() -> Calls:
     compare = ["compare", str(PROBLEMS / "paper.toml"), "--quiet"]
     for words in (["--help"], compare, [*compare, "--out", "out/beside"]):
         yield lambda words=words: subprocess.run(
-            [sys.executable, "-m", "planner", *words], check=True, stdout=subprocess.DEVNULL
+            # -P: the folder, which is a checkout, must not hide the version that is timed.
+            [sys.executable, "-P", "-m", "planner", *words],
+            check=True,
+            stdout=subprocess.DEVNULL,
         )
 
 

@@ -30,8 +30,7 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "benchmarks": (
         *COMPARISONS,
         "sweep",
-        "tests/benchmarks/collocation.py",
-        "tests/benchmarks/jobs.py",
+        *(f"tests/benchmarks/{k}.py" for k in ("beside", "collocation", "frameworks", "jobs")),
     ),
     "budget": (*MACHINES, "robustness/budget.py"),
     "calibration": ("machine", "paper/calibrate.py"),

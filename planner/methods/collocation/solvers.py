@@ -33,7 +33,7 @@ FATROP_RELAXES = 1e-8
 
 PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
 """Limit on Fatrop's processor time, s: a constant part and a part for each interval, together over
-ten times what Fatrop needs."""
+four times what Fatrop needs for 500 iterations, and ten times for 100."""
 
 SHORT_CHAIN = 5
 """Largest number of coordinates of a short chain. On longer chains Fatrop fails, since it
@@ -41,8 +41,8 @@ eliminates the goal backwards through the inputs of the last few intervals, whic
 and longer chains have many optima."""
 
 GOAL_PENALTY = 1e5
-"""Factor of a soft goal in Fatrop's objective: paths end about 1e-4 off the goal, and IPOPT goes on
-from there. With ten times the factor the search took 1.1 times as long."""
+"""Factor of a soft goal in Fatrop's objective: paths end 3e-7 to 1e-5 off the goal, seldom more,
+and IPOPT goes on from there. With ten times the factor the search took 1.1 times as long."""
 
 COARSE_INTERVALS = 40
 """Number of intervals above which a path is being refined rather than searched."""
@@ -100,7 +100,8 @@ class Strategy:
         barrier: Initial barrier parameter of Fatrop, multiplied by `weight` if the start is near;
             None for Fatrop's default, 0.1.
         ipopt: Options of IPOPT for the barrier: fixed or adaptive.
-        fatrop_iterations: The same for Fatrop; problems that Fatrop can solve need some tens.
+        fatrop_iterations: Largest number of iterations of Fatrop. What it can solve takes some
+            tens, with a soft goal some hundreds.
         fatrop_tolerance: Least tolerance of Fatrop. With less than the default, rounding keeps
             Fatrop from finishing when limits are active. A smaller tolerance changes the objective
             by less than 1e-7 and leaves rows as accurate.
@@ -231,7 +232,7 @@ class _Fatrop:
 
     def __init__(self, nlp: Transcription, settings: Settings) -> None:
         row = strategy(nlp, settings)
-        self._weight = row.weight
+        self._weight, self._soft = row.weight, nlp.form.soft_goal and not settings.near
         options: dict[str, Any] = {
             "print_level": 0,
             "tol": max(settings.tolerance, row.fatrop_tolerance) * row.weight,
@@ -273,7 +274,7 @@ class _Fatrop:
         return answer
 
     def _answer(self, start: Array, data: Bounds) -> SolverAnswer:
-        if self._nlp.form.soft_goal:
+        if self._soft:
             data = _with_soft_goal(data, self._nlp.layout.nodes[-1])
         bounds = _draw_in(data.lower, data.upper), _draw_in(data.row_lower, data.row_upper)
         weighted = data.parameters.copy()

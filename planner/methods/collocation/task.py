@@ -110,14 +110,16 @@ class Task:
         """Solve the task from a start; `near` says that the start is close to the answer.
 
         If the first solver fails, the next solver allowed is tried; so it is if the first strays
-        from a near start to a motion that costs more by the share `STRAYED`.
+        from a near start to a motion that costs more by the share `STRAYED`, and after a soft goal,
+        with which Fatrop only comes near the optimum.
         """
         nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
         iterations, solution, best = 0, None, None
-        near_enough = SOFT_RESIDUAL if nlp.form.soft_goal else FEASIBLE_RESIDUAL
+        soft = nlp.form.soft_goal and not near
+        near_enough = SOFT_RESIDUAL if soft else FEASIBLE_RESIDUAL
         most = (1 + STRAYED) * self.judge(start).objective if near else np.inf
         for name in names(nlp, settings):
-            if solution and not solution.ok and solution.residual <= near_enough:
+            if solution and (soft or not solution.ok) and solution.residual <= near_enough:
                 start, settings = solution.iterate, replace(settings, near=True)
             deadline.check()
             progress.count(solves=1)
@@ -130,7 +132,7 @@ class Task:
             solution = replace(_check(nlp, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
             if best is None or not best.ok or (solution.ok and solution.objective < best.objective):
                 best = solution
-            if solution.ok and solution.objective <= most:
+            if solution.ok and solution.objective <= most and not (soft and name == "fatrop"):
                 break
         assert best is not None
         progress.count(iterations=iterations)

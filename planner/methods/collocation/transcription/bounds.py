@@ -56,7 +56,7 @@ class Bounds:
         upper: Upper bounds of the unknowns, shape (size,).
         row_lower: Lower bounds of the rows, shape (K · height,).
         row_upper: Upper bounds of the rows, shape (K · height,).
-        parameters: Numbers of the form (`Form.parameters`) and mesh widths.
+        parameters: Numbers of the form (`Form.parameters`), mesh widths and those of a soft goal.
         widths: The mesh widths, shape (K,).
         units: Units of the unknowns, shape (size,).
     """

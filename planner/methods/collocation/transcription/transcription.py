@@ -45,7 +45,7 @@ class Program:
 
     Attributes:
         problem: The expressions x, p, f, g; p holds `Form.parameters` numbers, then the widths
-            of the K mesh intervals.
+            of the K mesh intervals, then a soft goal and its penalties.
         f: Function from (x, p) to f.
         g: Function from (x, p) to g.
         gradient: Function from (x, p) to the gradient of f.

@@ -127,6 +127,17 @@ def test_plan_says_where_to_stand_clear_of_a_swing(run: Callable, tmp_path: Path
     assert "stand clear" not in run("plan", PAPER).out
 
 
+def test_export_says_where_to_stand_clear_of_a_plan_that_is_not_verified(
+    run: Callable, tmp_path: Path
+) -> None:
+    with pytest.raises(planner.NoPlanError) as refusal:
+        planner.solve(PAPER, "polynomial:travel=middle")
+    assert refusal.value.plan is not None
+    file = refusal.value.plan.save(tmp_path / "refused.json")
+    exported = run("export", file, "--out", tmp_path / "x.csv")
+    assert re.search(r"stand clear: theta1 \S+ to \S+ deg", exported.words + exported.err)
+
+
 def test_a_plan_as_json_and_file(run: Callable, tmp_path: Path) -> None:
     out = tmp_path / "plan.json"
     result = run(*SOLVED, "--json", "--out", out)

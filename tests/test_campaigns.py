@@ -166,6 +166,7 @@ def test_frameworks_that_are_not_installed_are_left_out(monkeypatch: pytest.Monk
     monkeypatch.setattr(frameworks, "find_spec", lambda name: None if name == "mpopt" else name)
     assert frameworks.missing() == ["mpopt"]
     usable = ["rockit + IPOPT", "rockit + Fatrop", "do-mpc + IPOPT"]
+    usable += ["Drake + SNOPT", "Drake + IPOPT"]
     assert list(frameworks.frameworks(cases()[0].arm)) == usable
 
 

@@ -1,7 +1,8 @@
 """The same problems put to general frameworks: rockit, do-mpc, Drake and mpopt.
 
-All but Drake write the programme for CasADi. They come with the extra `rivals`, but mpopt, whose
-package asks for a NumPy of 2021: `pip install --no-deps mpopt`. What is not installed is left out.
+All but Drake write the programme for CasADi. They come with the extra `rivals`, but for
+Drake, which has packages for few systems, and mpopt, whose package asks for a NumPy of 2021:
+`pip install --no-deps mpopt`. What is not installed is left out.
 Each gets 40 intervals, as `rivals` does: Radau points of degree 3 with constant inputs, or (rockit
 with Fatrop) one Runge-Kutta step an interval. Drake has cubic pieces with linear inputs; mpopt gets
 40 pieces of degree 3 with inputs of the same degree. All start from the straight line, mpopt from

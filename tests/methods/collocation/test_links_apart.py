@@ -91,8 +91,8 @@ def test_where_nothing_comes_near_the_plan_is_the_same() -> None:
     folding = planner.Problem.manipulator(
         [5, 20, 20, 20], [15, 30, 27, 24], link_lengths=[0.3, 0.2, 0.2, 0.3], duration=60.0
     )
-    plain = planner.solve(folding, start="straight")
-    kept = planner.solve(folding.changed({"limits.self_clearance_m": 0.05}), start="straight")
+    plain = planner.solve(folding)  # one guess alone may lead the two searches to other optima
+    kept = planner.solve(folding.changed({"limits.self_clearance_m": 0.05}))
     assert kept.objective == pytest.approx(plain.objective, rel=1e-5)
     assert np.min(distances(kept)) > 0.05
 

@@ -185,7 +185,7 @@ def test_sensitivities_are_bars_that_follow_the_weight(show: Any, tmp_path: Path
     assert shade == "1", "grey only while planning"
     page.locator("[data-button=keep]").click()
     page.wait_for_selector(".px-bar:has-text('kept 1')")
-    for width in (1500, 700):  # a longer text beside a bar made it shorter
+    for width in (700, 1500):  # a longer text beside a bar made it shorter
         page.set_viewport_size({"width": width, "height": 1500})
         places = page.locator(".px-bar .px-place")
         assert len(set(places.evaluate_all("all => all.map((e) => e.offsetWidth)"))) == 1

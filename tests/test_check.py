@@ -10,6 +10,8 @@ import pytest
 
 import planner
 from planner import check
+from planner.check import VARIANTS
+from planner.cli.check import check as check_command
 from planner.support.arrays import jsonable
 
 PROBLEMS = Path(__file__).parents[1] / "problems"
@@ -50,6 +52,11 @@ def test_piecewise_is_tried_with_more_slots_too(paper: planner.Problem) -> None:
     assert (outcome["label"], outcome["verified"]) == ("piecewise:slots=10", True)
     (named,) = planner.check(problem, ["piecewise"]).outcomes
     assert not named["verified"], "what is named is tried as it is"
+
+
+def test_the_help_names_every_variant_that_is_tried() -> None:
+    named = " ".join((check_command.__doc__ or "").split())
+    assert all(variant.text in named for variant in VARIANTS)
 
 
 def test_a_remedy_has_been_tried_and_works(paper: planner.Problem) -> None:

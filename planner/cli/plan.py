@@ -129,8 +129,9 @@ def plan(
                 motion = replace(motion, notes={**motion.notes, "after": after.name})
             summary = plan_summary(motion, check)
             # A compensated plan swings before it starts.
-            facts_of = motion.verified and machine_facts(motion, motion.is_compensated)
-            summary["on_machines"], touch = facts_of or (None, "")
+            summary["on_machines"], touch = (
+                machine_facts(motion, motion.is_compensated) if motion.verified else (None, "")
+            )
     except NoPlanError as error:
         return _report_refusal(task, spec.method, error)
     summary |= _heading(task) | {"written": out and motion.save(out), "figure": figure}

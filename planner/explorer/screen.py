@@ -162,7 +162,7 @@ class Screen:
         method = SECOND.get(self.state.method, "polynomial")
         other = Screen(self.state.with_value("method", method).with_value(POINTS_KEY, "auto"))
         other.judge()
-        label = getattr(other.outcome.plan, "label", method)
+        label = other.outcome.plan.label if other.outcome.plan else method
         return {"second": {"label": label, **other.picture(), **other.errors()}}
 
     def mechanism(self) -> dict[str, str]:

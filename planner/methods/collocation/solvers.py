@@ -170,9 +170,9 @@ def strategy(nlp: Transcription, settings: Settings) -> Strategy:
         return STRATEGIES[kind if short else f"{kind}, long chain"]
     if form.augmented or form.follower:
         return STRATEGIES["far"]
-    divided = any(required.divides for required in form.kept)
-    if not short or (form.inner and form.free_duration and not divided):
-        return STRATEGIES["far, long chain" if not short else "timing"]
+    timing = form.inner and form.free_duration and not any(each.divides for each in form.kept)
+    if timing or not short:
+        return STRATEGIES["timing" if short else "far, long chain"]
     winding = any("q" in required.reads and not required.is_direct for required in form.kept)
     is_narrow = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
     return STRATEGIES["far, winding" if winding or is_narrow else "far"]
@@ -232,7 +232,7 @@ class _Fatrop:
 
     def __init__(self, nlp: Transcription, settings: Settings) -> None:
         row = strategy(nlp, settings)
-        self._weight, self._soft = row.weight, nlp.form.soft_goal and not settings.near
+        self._weight, self._soft = row.weight, row is STRATEGIES["soft goal"]
         options: dict[str, Any] = {
             "print_level": 0,
             "tol": max(settings.tolerance, row.fatrop_tolerance) * row.weight,

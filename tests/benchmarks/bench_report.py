@@ -109,7 +109,7 @@ def _page(found: dict[str, Any]) -> str:
         machine=found["machine"],
         load=found["load"],
         cores=os.cpu_count(),
-        beside=_beside(found["beside"]),
+        beside=_beside(json.loads(beside.RECORD.read_text(encoding="utf-8"))),
         left_out=f"\nLeft out, for they were not installed: {out}.\n" if out else "",
     )
     parts = [head, "![times of all contestants and growth with the size](speed.png)\n"]

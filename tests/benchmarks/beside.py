@@ -4,8 +4,8 @@
 
 The earlier version is built from the repository's history into out/before. The jobs are those of
 `jobs.py`, each in a process of its own, the versions in turns; a case's seconds are the least of
-the rounds, and of the processor. Writes results/benchmarks/beside.json for `collocation.py`; of
-named jobs only their part.
+the rounds, and of the processor. Writes results/benchmarks/beside.json, of which `bench_report.py`
+makes the table; of named jobs only their part.
 """
 
 from __future__ import annotations
@@ -144,6 +144,7 @@ def lost(found: dict[str, Any]) -> list[str]:
 def main() -> None:
     """Measure in turns and write the record."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    # `choices` has the empty list, which argparse looks for in them if no job is named.
     parser.add_argument("jobs", nargs="*", choices=[*JOBS, []], default=[])
     parser.add_argument("--before", default="a2c643bc", help="commit to compare with")
     parser.add_argument("--rounds", type=int, default=2)

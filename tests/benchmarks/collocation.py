@@ -13,7 +13,6 @@ Writes results/benchmarks: a page, a picture, and all numbers as JSON.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -25,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import bench_report
-import beside
 import numpy as np
 import peers
 import peers_theirs
@@ -79,7 +77,6 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=OUT)
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    earlier = json.loads(beside.RECORD.read_text(encoding="utf-8"))
     console = Console(stderr=True)
     with Progress(console=console, transient=True) as progress:
         step = progress.add_task("collocation", total=len(cases()) + 6)
@@ -100,7 +97,7 @@ def main() -> int:
             progress.update(step, description=name)
             scaling[name] = measure()
             progress.advance(step)
-    found = {"contests": contests, "left_out": missing(), "beside": earlier, **scaling}
+    found = {"contests": contests, "left_out": missing(), **scaling}
     bench_report.write(arguments.out, found)
     if missing():
         print(f"left out, for they are not installed: {', '.join(missing())}")

@@ -42,7 +42,7 @@ def chained(result: Comparison) -> Figure:
     plans = {
         label: plan
         for label, plan in result.plans.items()
-        if plan is not None and "compensated" not in label
+        if plan is not None and not plan.is_compensated
     }
     return planner.report.plot_z(plans)[0]
 

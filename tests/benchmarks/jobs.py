@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stress_problems import SPREAD, arm
+from stress_problems import arm, random_pair
 
 import planner
 
@@ -43,7 +43,7 @@ def paper(**changes: Any) -> planner.Problem:
 
 
 def plans() -> Calls:
-    """Collocation and the laws in 20 s, which all can."""
+    """Collocation and the laws in 20 s."""
     for method in METHODS:
         yield lambda method=method: planner.solve(paper(goal__duration=20.0), method)
 
@@ -126,11 +126,7 @@ def four_joints_refused() -> Calls:
 
 def _four(duration: Any) -> Calls:
     for number in range(LONG):
-        rng = np.random.default_rng((77, 4, 40, number))
-        places = np.round(rng.uniform(-40 * SPREAD, 40 * SPREAD, (2, 4)), 3).tolist()
-        tables = arm("manipulator", 4, *places, 40.0)
-        tables["goal"]["duration"] = duration
-        problem = planner.Problem.from_dict(tables)
+        problem = planner.Problem.from_dict(random_pair(4, 40.0, number, duration))
         yield lambda problem=problem: planner.solve(problem, "collocation")
 
 

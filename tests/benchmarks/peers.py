@@ -170,14 +170,14 @@ def timed(call: Callable[[], Any]) -> tuple[Any, float]:
     return answer, min(seconds)
 
 
-def timing(seed: int, grid: int = theirs.GRID) -> tuple[float, float]:
+def timing(seed: int) -> tuple[float, float]:
     """Duration of toppra's path, and seconds."""
     points, speed, rate = theirs.random_path(seed)
     path: Any = Spline(CubicSpline(np.linspace(0.0, 1.0, 5), points))
 
     def fastest() -> float:
         length = arc_length(path, speed, "euclid")
-        cut = cut_path(path, length, speed, grid, rest=True)
+        cut = cut_path(path, length, speed, theirs.GRID, rest=True)
         return float(fastest_clock(cut, speed, rate).x[-1])
 
     return timed(fastest)

@@ -5,8 +5,9 @@
 #   make suite     every method on every problem, to results/suite
 #   make bench     speed beside an earlier version, scripts by hand and frameworks, to results/benchmarks
 #   make paper     the paper's figures and numbers, to results/paper
-#   make stress    the suite's longer cases; damaged plans, to results/judging; random pairs by family
-#                  and 5,000 random problems, to results/stress (hours; continues where it ended)
+#   make stress    the suite's longer cases; random problems and random pairs by family, to
+#                  results/stress (an hour or two; continues where it ended)
+#   make judging   what judging a plan costs; damaged plans, to results/judging (some minutes)
 #   make coverage  which goals each method reaches, random pairs, to results/coverage (an hour)
 #   make optimality  plans beside lengths that are known, and related plans (hours; continues), to results/optimality
 #   make mutants  whether the tests see wrong code in the judge, proofs, systems, machine (an hour)
@@ -46,7 +47,7 @@ SIGN := $(BIN)/python tests/benchmarks/results_pages.py --sign
 KERNEL := $(wildcard planner/machine/*.c planner/machine/*.h)
 
 .DEFAULT_GOAL := compare
-.PHONY: compare comparison suite bench stress coverage optimality mutants paper robustness controller sensitivity compensation \
+.PHONY: compare comparison suite bench stress judging coverage optimality mutants paper robustness controller sensitivity compensation \
   identification truths map peers singular report explorer gallery results-check notebook docs test \
   processors installed check lint format generated clean
 
@@ -74,11 +75,14 @@ bench: $(VENV)/.run
 
 stress: $(VENV)/.dev
 	@$(BIN)/python -m pytest $(PYTEST_FLAGS) -m campaign
-	@$(BIN)/python tests/benchmarks/judged.py
 	@$(BIN)/python tests/benchmarks/families.py
 	@$(BIN)/python tests/benchmarks/stress.py
-	@$(SIGN) judging
 	@$(SIGN) stress
+
+judging: $(VENV)/.run
+	@$(BIN)/python tests/benchmarks/judging.py
+	@$(BIN)/python tests/benchmarks/judged.py
+	@$(SIGN) judging
 
 coverage: $(VENV)/.run
 	@$(BIN)/python tests/benchmarks/coverage.py

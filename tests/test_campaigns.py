@@ -292,3 +292,16 @@ def test_free_links_keep_their_energy(made: Callable[..., truths.Arm]) -> None:
     coarse, fine = change(50), change(100)
     assert fine < 0.002
     assert coarse == pytest.approx(2 * fine, rel=0.2)  # of first order, and nothing else
+
+
+def test_records_of_other_code_begin_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = pages.begin_records("stress", tmp_path / "new" / "records.txt")
+    with path.open("a", encoding="utf-8") as out:
+        out.write("one\n")
+    assert pages.read_records(pages.begin_records("stress", path)) == ["one"]
+    assert not capsys.readouterr().err
+    monkeypatch.setitem(pages.DEPENDENCIES, "stress", ("solve.py",))
+    assert pages.read_records(pages.begin_records("stress", path)) == []
+    assert "records.txt is of other code" in capsys.readouterr().err

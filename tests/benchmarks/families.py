@@ -5,18 +5,15 @@
 The families: arms of three and four joints within 40 and 80 degrees, each with a free duration and
 with one that is given (1.02, 1.5 and 4 times the free answer, in turn). Whether a stage of the
 search decides one case in a thousand is asked of each family by itself. A finished case is a line
-of results/stress/families.txt, with the commit that last changed collocation (a "+" where there
-are changes beside it); the same command goes on where the last one ended, and a line that is
-deleted is made anew; a given duration always with the free answer of the same version. At the end
-results/stress/families.md is written; beside the version before, if families-before.txt is there,
-which that version writes by this script: `--records results/stress/families-before.txt`.
+of results/stress/families.txt; the same command goes on where the last one of the same code ended,
+and a line that is deleted is made anew. At the end results/stress/families.md is written; beside an
+earlier version with `--before FILE`, the records that that version wrote by this script.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
 import time
 from collections import Counter
@@ -27,9 +24,11 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from results_pages import begin_records, read_records
 from stress_problems import PAIR_SEED, random_pair
 
 import planner
+from planner.support.package import release
 
 FOLDER = Path(__file__).parents[2] / "results" / "stress"
 FAMILIES = ((3, 40.0), (3, 80.0), (4, 40.0), (4, 80.0))
@@ -38,10 +37,7 @@ SHARES = (1.02, 1.5, 4.0)
 
 @dataclass(frozen=True)
 class Outcome:
-    """A line of the records.
-
-    Seconds are of CPU, the motion is the duration or the effort, the version that of collocation.
-    """
+    """A line of the records: seconds are of CPU, the motion is the duration or the effort."""
 
     joints: int
     limit_deg: float
@@ -52,12 +48,11 @@ class Outcome:
     cpu: float
     duration: float
     motion: float
-    version: str = "unrecorded"
 
     def __str__(self) -> str:
         figures = f"{self.cpu:.3g} {self.duration:.8g} {self.motion:.8g}"
         key = f"{self.joints} {self.limit_deg:g} {self.share:g} {self.number}"
-        return f"{key} {self.outcome} {self.stage} {figures} {self.version}"
+        return f"{key} {self.outcome} {self.stage} {figures}"
 
     @property
     def key(self) -> tuple[int, float, float, int]:
@@ -76,46 +71,32 @@ def main() -> int:
     parser.add_argument("--records", type=Path, default=FOLDER / "families.txt")
     parser.add_argument("--pairs", type=int, default=100, help="pairs of each family")
     parser.add_argument("--share", default="1/1", help="2/3: the second third, for three processes")
+    parser.add_argument("--before", type=Path, help="records of an earlier version")
     given = parser.parse_args()
     part, parts = map(int, given.share.split("/"))
     planner.solve(planner.load_problem("problems/paper.toml"), "collocation")  # imports
-    known, version = {each.key: each for each in read(given.records)}, collocation_version()
+    known = {each.key: each for each in read(begin_records("stress", given.records))}
     for number in range(part - 1, given.pairs, parts):
         for joints, limit in FAMILIES:
             free, share = known.get((joints, limit, 0.0, number)), SHARES[number % len(SHARES)]
-            is_given = (joints, limit, share, number) in known
-            # What is asked of a version is that it has every longer one than its own answer.
-            if free is None or (free.version != version and not is_given):
-                free = run(given.records, joints, limit, 0.0, number, None, version)
-            if free.outcome == "verified" and not is_given:
+            free = free or run(given.records, joints, limit, 0.0, number, None)
+            if free.outcome == "verified" and (joints, limit, share, number) not in known:
                 duration = round(free.duration * share, 6)
-                run(given.records, joints, limit, share, number, duration, version)
+                run(given.records, joints, limit, share, number, duration)
     if given.records.name == "families.txt":
-        before = given.records.with_name("families-before.txt")
         last = {each.key: each for each in read(given.records)}  # of two of one case the later
-        text = page(list(last.values()), {each.key: each for each in read(before)})
+        before = {each.key: each for each in read(given.before)} if given.before else {}
+        text = page(list(last.values()), before)
         given.records.with_suffix(".md").write_text(text, encoding="utf-8")
     return 0
 
 
 def read(path: Path) -> Iterator[Outcome]:
     """The records of a file."""
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else []:
-        joints, limit, share, number, outcome, stage, cpu, seconds, motion, *version = line.split()
+    for line in read_records(path):
+        joints, limit, share, number, outcome, stage, cpu, seconds, motion = line.split()
         key = int(joints), float(limit), float(share), int(number)
-        yield Outcome(*key, outcome, stage, float(cpu), float(seconds), float(motion), *version)
-
-
-def collocation_version() -> str:
-    """The commit that last changed collocation, with a "+" where something differs from it."""
-    folder = Path(planner.__file__).parent / "methods" / "collocation"
-    root = Path(planner.__file__).parents[1]
-
-    def git(*words: str) -> str:
-        made = subprocess.run(["git", "-C", root, *words, folder], capture_output=True, text=True)
-        return made.stdout.strip() if made.returncode == 0 else "-"
-
-    return git("log", "-1", "--format=%h", "--") + "+" * bool(git("status", "--short", "--"))
+        yield Outcome(*key, outcome, stage, float(cpu), float(seconds), float(motion))
 
 
 def run(
@@ -125,7 +106,6 @@ def run(
     share: float,
     number: int,
     duration: float | None,
-    version: str,
 ) -> Outcome:
     """Plan a case and write it down; judging is not in the time."""
     tables = random_pair(joints, limit, number, duration or "free")
@@ -138,7 +118,7 @@ def run(
         stage, figures = plan.notes["stage"].replace(" ", "-"), (plan.duration, plan.objective)
     except planner.NoPlanError as error:
         outcome, cpu = error.status, time.process_time() - began
-    done = Outcome(joints, limit, share, number, outcome, stage, cpu, *figures, version)
+    done = Outcome(joints, limit, share, number, outcome, stage, cpu, *figures)
     with path.open("a", encoding="utf-8") as out:
         out.write(f"{done}\n")
     return done
@@ -149,9 +129,8 @@ HEAD = """# Random pairs by family
 Made by `python tests/benchmarks/families.py`. Start and goal are drawn within 15/16 of the joint
 limits; inputs up to 0.5 rad/s; collocation with its defaults; seed {seed}. "Given" durations are
 1.02, 1.5 and 4 times the free answer, in turn. CPU s are those of the search in one thread.
-Cases by version of collocation: {versions}.
 Percentages are of the cases ordered: half, or 95 % of them, stay below. {done} of 100 pairs of each
-family are done; the same command goes on.
+family are done; the same command goes on. {release}.
 """
 
 
@@ -183,9 +162,7 @@ def page(now: Sequence[Outcome], before: dict[tuple[int, float, float, int], Out
             figures = [f"{old:.3g} → {new:.3g}", f"{spent:.2f}", *(f"{r:.3f}" for r in ratio)]
             beside.append([*name, len(both), won, lost, *figures])
     done = min(sum(e.key[:3] == (*f, 0.0) for e in now) for f in FAMILIES)
-    counts = Counter(each.version for each in now)
-    versions = ", ".join(f"{version} {count}" for version, count in counts.items())
-    text = HEAD.format(seed=PAIR_SEED, done=done, versions=versions) + "\n"
+    text = HEAD.format(seed=PAIR_SEED, done=done, release=release()) + "\n"
     text += table(
         ["joints", "limit", "duration", "pairs", "verified", "CPU 50 %", "95 %", "most", *stages],
         rows,

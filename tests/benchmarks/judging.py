@@ -1,22 +1,16 @@
-"""What judging a plan costs, beside an earlier version of this package in the same run.
+"""What judging a plan costs: integration, domain of the chart, and proof.
 
-    python tests/benchmarks/judging.py [--plans FOLDER] [--python INTERPRETER] [--out FOLDER]
+    python tests/benchmarks/judging.py      # writes results/judging/README.md
 
-Plans of every method and of every kind of system are made once and saved in FOLDER. Both versions
-read the same files and judge them in turn, so that what else the computer does falls on both: the
-median processor time of `planner.verify` and of `plan.domain`, which chart laws need before.
-INTERPRETER is the Python in whose environment the other version is installed.
+Plans of every method and of every kind of system are made once; the times are those of
+`planner.verify`, of `plan.domain`, which chart laws need before, and of `planner.certify`.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
-import subprocess
 import sys
-import tempfile
+import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -25,33 +19,9 @@ import planner
 from planner.support.package import provenance
 
 ROOT = Path(__file__).parents[2]
-
-JUDGE = """
-import json, sys, time
-from pathlib import Path
-import planner
-
-def cost(what, least):
-    what(); spent = []
-    while sum(spent) < least or len(spent) < 3:
-        began = time.process_time(); what(); spent.append(time.process_time() - began)
-    return 1e3 * sorted(spent)[len(spent) // 2]
-
-def fresh(plan):
-    plan.__dict__.pop("domain", None)
-    return plan.domain
-
-for line in sys.stdin:
-    plan = planner.load_plan(Path(line.strip()))
-    check = planner.verify(plan)
-    found = {
-        "verify": cost(lambda: planner.verify(plan), 0.15),
-        "domain": 0.0 if plan.trajectory.in_coordinates else cost(lambda: fresh(plan), 0.1),
-        "ok": check.ok, "margins": dict(check.margins), "end": check.terminal_error.tolist(),
-        "error": getattr(check, "integration_error", None),
-    }
-    print(json.dumps(found), flush=True)
-"""
+PAGE = ROOT / "results" / "judging" / "README.md"
+REPEATS, LEAST = 3, 0.15
+"""A time is the median of so many calls or more, of so many CPU s or more together."""
 
 SPEED = {"input_rad_s": [0.5, 0.4]}
 RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
@@ -112,6 +82,7 @@ def cases() -> dict[str, Callable[[], planner.Plan]]:
         "trailers": lambda: shipped("trailers", "collocation"),
         "car": lambda: shipped("car", "collocation"),
         "ball gear": lambda: shipped("ball-gear", "collocation"),
+        "ball gear, sinusoid": lambda: shipped("ball-gear", "sinusoid"),
         "custom": lambda: shipped("custom", "collocation"),
         "custom, polynomial": lambda: shipped("custom", "polynomial"),
         "obstacle": lambda: shipped("obstacle", "collocation"),
@@ -122,92 +93,67 @@ def cases() -> dict[str, Callable[[], planner.Plan]]:
     }
 
 
-def made(folder: Path) -> dict[str, Path]:
-    """The plans' files, made where they are missing."""
-    folder.mkdir(parents=True, exist_ok=True)
-    out = {}
-    for name, make in cases().items():
-        path = folder / (name.replace(" ", "-").replace(",", "").replace("/", "-") + ".json")
-        if not path.exists():
-            print(f"planning {name}", file=sys.stderr)
-            replace(make(), certificate=None).save(path)
-        out[name] = path
-    return out
+def cost(what: Callable[[], object]) -> float:
+    """Processor time of a call, ms."""
+    spent: list[float] = []
+    what()
+    while len(spent) < REPEATS or sum(spent) < LEAST:
+        began = time.process_time()
+        what()
+        spent.append(time.process_time() - began)
+    return 1e3 * median(spent)
 
 
-class Judge:
-    """A version of this package that judges files, in a process of its own."""
+def domain(plan: planner.Plan) -> object:
+    """The domain report, computed anew."""
+    plan.__dict__.pop("domain", None)
+    return plan.domain
 
-    def __init__(self, python: str) -> None:
-        self._process = subprocess.Popen(
-            [python, "-c", JUDGE],
-            cwd=tempfile.gettempdir(),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
 
-    def __call__(self, path: Path) -> dict[str, Any]:
-        assert self._process.stdin
-        assert self._process.stdout
-        print(path.resolve(), file=self._process.stdin, flush=True)
-        return dict(json.loads(self._process.stdout.readline()))
+def row(name: str, plan: planner.Plan) -> dict[str, object]:
+    """What the page says of a plan."""
+    check, proof = planner.verify(plan), planner.certify(plan)
+    assert check.ok, f"{name} is not verified"
+    asked = [claim.status for claim in proof.claims if claim.required]
+    chart_law = not plan.trajectory.in_coordinates
+    return {
+        "plan": name,
+        "pieces": len(plan.t) - 1,
+        "verify, ms": f"{cost(lambda: planner.verify(plan)):.3g}",
+        "domain, ms": f"{cost(lambda: domain(plan)):.3g}" if chart_law else "–",
+        "certify, ms": f"{cost(lambda: planner.certify(plan)):.3g}",
+        "cells": proof.cells,
+        "claims proven": f"{asked.count('proven')} of {len(asked)}",
+        "integration error": f"{check.integration_error:.1g}",
+    }
+
+
+HEAD = """# What judging a plan costs
+
+Processor time, ms, median. `verify` integrates the motion and reads every limit, `certify` bounds
+both over whole intervals (cells), and `domain` is what laws in the chart pay before. The
+integration error is the judge's own estimate.
+
+{table}
+
+What it was shown, and what it said: [attacks.md](attacks.md), [verdict.md](verdict.md);
+beside the judge: [whole.md](whole.md).
+Random plans and damaged files beside an integrator of the tests' own: [outside.md](outside.md).
+
+{provenance}
+"""
 
 
 def main() -> None:
-    """Measure, print a table, and write it where asked."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--plans", type=Path, help="keep the plans here")
-    parser.add_argument("--python", help="interpreter of the version to compare with")
-    parser.add_argument("--only", default="", help="rows whose name contains this")
-    parser.add_argument("--rounds", type=int, default=3, help="turns of both versions")
-    parser.add_argument("--out", type=Path, help="folder of the report")
-    args = parser.parse_args()
-    with tempfile.TemporaryDirectory() as own:
-        files = made(args.plans or Path(own))
-        text = report({k: v for k, v in files.items() if args.only in k}, args.python, args.rounds)
-    print(text)
-    if args.out:
-        args.out.mkdir(parents=True, exist_ok=True)
-        (args.out / "README.md").write_text(text, encoding="utf-8")
-
-
-def report(files: dict[str, Path], other: str | None, rounds: int) -> str:
-    """The table as Markdown."""
-    judges = {"now": Judge(sys.executable)} | ({"before": Judge(other)} if other else {})
-    lines = [
-        "# What judging a plan costs",
-        "",
-        "Processor time, ms, median; both versions judged the same files in turn, in one run, one",
-        "core each. `domain` is what chart laws pay before `verify`. `integration error` is the",
-        "judge's own estimate, `difference` that of both versions' ends of the motion.",
-        "",
-        "| plan | pieces | verify before → now | domain before → now | ratio of both together |"
-        " integration error | difference |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for name, path in files.items():
-        runs = [{k: judge(path) for k, judge in judges.items()} for _ in range(rounds)]
-        spent = {
-            k: {w: median(r[k][w] for r in runs) for w in ("verify", "domain")} for k in judges
-        }
-        last = runs[-1]
-        assert all(run["ok"] for run in last.values()), f"{name} is not verified"
-        now, before = spent["now"], spent.get("before", {"verify": 0.0, "domain": 0.0})
-        ratio = sum(before.values()) / sum(now.values())
-        ends = [run["end"] for run in last.values()]
-        gap = max(abs(a - b) for a, b in zip(ends[0], ends[-1], strict=True))
-        domain = f"{before['domain']:.3g} → {now['domain']:.3g}" if now["domain"] else "–"
-        error = last["now"]["error"]
-        pieces = len(planner.load_plan(path).t) - 1
-        lines.append(
-            f"| {name} | {pieces} | {before['verify']:.3g} → {now['verify']:.3g} | {domain} |"
-            f" {ratio:.1f} | {'–' if error is None else f'{error:.1g}'} | {gap:.1g} |"
-        )
-        print(lines[-1], file=sys.stderr, flush=True)
-    lines += ["", "What it was shown, and what it said: [attacks.md](attacks.md).", ""]
-    lines.append(provenance("python tests/benchmarks/judging.py --python INTERPRETER --out FOLDER"))
-    return "\n".join(lines) + "\n"
+    """Measure and write the page."""
+    rows = []
+    for name, make in cases().items():
+        rows.append(row(name, make()))
+        print(*rows[-1].values(), sep="  ", file=sys.stderr, flush=True)
+    lines = [[*rows[0]], ["---"] * len(rows[0]), *([str(v) for v in r.values()] for r in rows)]
+    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    command = provenance("python tests/benchmarks/judging.py")
+    PAGE.write_text(HEAD.format(table=table, provenance=command), encoding="utf-8")
 
 
 if __name__ == "__main__":

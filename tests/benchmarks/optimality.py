@@ -6,7 +6,7 @@ Arms of three and four joints: run backwards, or mirrored and half as fast, a mo
 effort times duration, so that the largest of the three over the least shows what local optima cost.
 Unicycle: the least time within |speed| <= 1, |turn rate| <= 1 is the Reeds-Shepp length (Sussmann
 and Tang 1991). Heisenberg's system: the geodesics are arcs of circles. Each case is a line of
-results/optimality/records.txt; the same command goes on where the last one ended.
+results/optimality/records.txt; the same command goes on where the last one of the same code ended.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 from matplotlib.figure import Figure
+from results_pages import begin_records, read_records
 from scipy.optimize import brentq
 
 import planner
@@ -187,7 +188,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=120.0, help="time for new cases")
     parser.add_argument("--only", choices=FAMILIES, help="one family, as for several processes")
     given = parser.parse_args()
-    FOLDER.mkdir(parents=True, exist_ok=True)
+    begin_records("optimality", RECORDS)
     known, until = read(), time.monotonic() + 60 * given.minutes
     for family in [given.only] if given.only else FAMILIES:
         for number in range(WORDS[family][1]):
@@ -206,7 +207,7 @@ def main() -> int:
 def read() -> dict[str, dict[int, float]]:
     """Figures by family and number."""
     out: dict[str, dict[int, float]] = {family: {} for family in WORDS}
-    for line in RECORDS.read_text(encoding="utf-8").splitlines() if RECORDS.exists() else []:
+    for line in read_records(RECORDS):
         family, number, ratio = line.split()
         out[family][int(number)] = float(ratio)
     return out

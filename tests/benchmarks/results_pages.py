@@ -34,7 +34,6 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     ),
     "budget": (*MACHINES, "robustness/budget.py"),
     "calibration": ("machine", "paper/calibrate.py"),
-    "certificate": ("verification", "tests/benchmarks/certifying.py"),
     "compare": (*COMPARISONS, "problems/paper.toml", "tests/benchmarks/comparison.py"),
     "compensation": (*MACHINES, "tests/benchmarks/compensation.py"),
     "controller": (*MACHINES, "report/controller", "tests/benchmarks/controller.py"),
@@ -46,15 +45,21 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "identification": (*MACHINES, "tests/benchmarks/identification.py"),
     "judging": (*PLANS, "tests/benchmarks/judged.py", "tests/benchmarks/judging.py"),
     "map": (*PLANS, "tests/benchmarks/goal_map.py"),
-    "mutants": ("verification", "systems", "machine", "methods", "tests"),
+    "mutants": (
+        *("verification", "systems", "machine", "methods", "tests/benchmarks/mutants.py"),
+        *(f"tests/{k}" for k in ("verification", "plan", "problem", "systems", "machine")),
+        *("tests/methods", "tests/report/test_mechanism.py"),
+    ),
     "optimality": (*PLANS, "tests/benchmarks/optimality.py"),
     "paper": (*COMPARISONS, "paper", "report/figures"),
     "peers": (*PLANS, "tests/benchmarks/peers.py", "tests/benchmarks/peers_theirs.py"),
     "report": ("report", "comparison"),
-    "searching": PLANS,
     "sensitivity": (*MACHINES, "robustness", "tests/benchmarks/sensitivity.py"),
     "singular": (*MACHINES, "problems/z2-singular.toml", "tests/benchmarks/singular.py"),
-    "stress": (*PLANS, "tests/benchmarks/stress.py", "tests/benchmarks/families.py"),
+    "stress": (
+        *PLANS,
+        *(f"tests/benchmarks/{k}.py" for k in ("stress", "stress_problems", "families")),
+    ),
     "suite": (*PLANS, "problems", "tests/benchmarks/suite.py"),
     "sweeps": (*PLANS, "sweep", "problems/sweeps"),
     "truths": (*MACHINES, "tests/benchmarks/truths.c", "tests/benchmarks/truths.py"),
@@ -109,6 +114,27 @@ def _is_text(node: object) -> bool:
         and isinstance(node.value, ast.Constant)
         and isinstance(node.value.value, str)
     )
+
+
+def begin_records(page: str, path: Path) -> Path:
+    """A file whose lines are of this code: lines of other code are deleted, with a word.
+
+    Its first line is the fingerprint. A campaign that was ended goes on where it was, and figures
+    of two versions never share a page.
+    """
+    first = f"# {fingerprint(DEPENDENCIES[page])}\n"
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
+    if lines[:1] != [first]:
+        if lines:
+            print(f"{path.name} is of other code and begins anew", file=sys.stderr)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(first, encoding="utf-8")
+    return path
+
+
+def read_records(path: Path) -> list[str]:
+    """The lines after the fingerprint."""
+    return path.read_text(encoding="utf-8").splitlines()[1:] if path.exists() else []
 
 
 def sign(page: str, root: Path = ROOT) -> None:

@@ -2,7 +2,7 @@
 
 Kinds: "plain" has joint limits of 80 degrees and a free duration; "narrow" limits drawn from 40 to
 80 degrees, the angles with them; "x1.5" is the pair of the plain one with the same number, in 1.5
-times the shortest duration found for it; "random" is the plain one, from random starts.
+times the shortest duration found for it.
 """
 
 from __future__ import annotations
@@ -28,10 +28,6 @@ GROUPS = {
     "systems": (("trailers", "ball-gear", "custom"), 23, 0.3),
 }
 """Families, problems of each family and kind, and at what share of the order they are done."""
-
-RANDOM = {"n2": 4, "n3": 4, "n4": 2, "n5": 1}
-RANDOM_BY, RANDOM_STARTS = 0.3, 50
-"""Plain problems a family planned from random starts too, and by what share of the order."""
 
 SHARES = (1.02, 1.5, 4.0)
 WIDE, NARROW, SPREAD, NEAR, INPUT = 80.0, (40.0, 80.0), 75 / 80, 0.5, 0.5
@@ -70,10 +66,6 @@ def order() -> list[Case]:
         for j, (number, f, k) in enumerate(mixed):
             kind = ("plain", "narrow", f"x{SHARES[(number + f) % 3]:g}")[k]
             placed.append((by * (j + 0.5) / len(mixed), Case(group, families[f], kind, number)))
-        again = [(number, f) for number in range(RANDOM.get(group, 0)) for f in range(size)]
-        for j, (number, f) in enumerate(again):
-            case = Case(group, families[f], "random", number)
-            placed.append((RANDOM_BY * (j + 0.5) / len(again), case))
     return [case for _, case in sorted(placed, key=lambda each: each[0])]
 
 

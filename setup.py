@@ -34,7 +34,9 @@ class Build(build_ext):
 
 
 SOURCES = [f"planner/machine/{name}.c" for name in ("kernel", "wide", "dynamic")]
-HEADERS = [f"planner/machine/{name}.h" for name in ("lanes", "contacts", "chain", "layout")]
+HEADERS = [
+    f"planner/machine/{name}.h" for name in ("functions", "lanes", "contacts", "chain", "layout")
+]
 CHECKSUM = zlib.crc32(b"".join(Path(name).read_bytes() for name in SOURCES + HEADERS))
 
 KERNEL = Extension(

@@ -5,12 +5,11 @@
  * Plain C99 without Python, part of the same library as kernel.c.
  */
 
-#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
-#include "layout.h"
+#include "functions.h"
 
 static const double LEAST_DRAG = 1e-6, LEAST_COSINE = 1e-9, LEAST_TORQUE_NM = 1e-30;
 static const double MOST_SHARE = 0.99, SLIP_SPEED_RAD_S = 1e-3, STICTION_SLOPE = 1e8, EDGE_NM = 1e-8, EDGE_RAD = 1e-16;
@@ -359,8 +358,8 @@ static void reaction(const Rows *r, const Masses *p, const double *y, const doub
         for (int k = j + 1; k < n; k++) {
             double arm = p->lengths[j] * p->moments[k], cosine = 0.0;
             if (arm > 0) {
-                double pull = arm * sin(angle[j] - angle[k]);
-                cosine = arm * cos(angle[j] - angle[k]);
+                double pull = arm * sine_of(angle[j] - angle[k]);
+                cosine = arm * cosine_of(angle[j] - angle[k]);
                 back[j] += pull * rate[k] * rate[k];
                 back[k] -= pull * rate[j] * rate[j];
             }
@@ -389,7 +388,7 @@ static int gears(const Rows *r, const Masses *p, const double *y, const double *
     double cosine[JOINTS], sideways[JOINTS], disk[JOINTS], hold[JOINTS][3];
     double part[JOINTS][3];
     for (int j = 0; j < m; j++) {
-        double c = cosine[j] = cos(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
+        double c = cosine[j] = cosine_of(y[r->q + 1 + j] + h / 2 * y[r->links + j]);
         sideways[j] = *p->lateral * sqrt(larger(1.0 - c * c, 0.0));
         disk[j] = y[driver(r, j)] + lead * gained[j];
     }
@@ -419,7 +418,7 @@ static int gears(const Rows *r, const Masses *p, const double *y, const double *
     double angle = 0.0, load = 0.0;
     for (int i = 0; i <= m; i++) {
         angle += y[r->q + 1 + i] + h / 2 * y[r->links + i];
-        g->pull[i] = p->weights[i] * cos(angle);
+        g->pull[i] = p->weights[i] * cosine_of(angle);
     }
     for (int i = m; i >= 0; i--)
         g->pull[i] = load -= g->pull[i];

@@ -7,14 +7,12 @@
  * width gives the same bits: the W numbers of a lane never meet.
  */
 
-#include <float.h>
-#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "layout.h"
+#include "functions.h"
 
 #if defined(__clang__)
 #define LANES _Pragma("clang loop vectorize(assume_safety)") for (int l = 0; l < W; l++)
@@ -50,35 +48,9 @@ INLINE double clip(double x, double most)
     return y < -most ? -most : y;
 }
 
-/* Cosines, to 1.6 of the last bit's unit (2.4 at 1e6 rad). That of libm has other bits on other
- * processors, and no lanes. Sums and products only: x less the nearest n quarters of a turn (in three
- * parts; n times the first two, of 33 bits, is exact), then minimax polynomials to an eighth of one. */
 INLINE void cosines(const double *x, double *out)
 {
-#if FLT_EVAL_METHOD == 0
-    static const double QUARTER_1 = 1.5707963267341256, QUARTER_2 = 6.077100506303966e-11;
-    static const double QUARTER_3 = 2.0222662487959506e-21, BY_QUARTER = 0.6366197723675814;
-    static const double NEAREST = 6755399441055744.0; /* 1.5 x 2^52: sums have no fraction */
-    LANES {
-        double n = (x[l] * BY_QUARTER + NEAREST) - NEAREST;
-        double quadrant = n - 4 * ((n * 0.25 + NEAREST) - NEAREST); /* -2 ... 2 */
-        double r = ((x[l] - n * QUARTER_1) - n * QUARTER_2) - n * QUARTER_3;
-        double z = r * r, zz = z * z, z4 = zz * zz;
-        double odd = (-1.6666666666666642e-1 + z * 8.333333333323662e-3)
-                     + zz * (-1.9841269830144396e-4 + z * 2.7557313651853934e-6)
-                     + z4 * (-2.5050734571184192e-8 + z * 1.5894710588084432e-10);
-        double even = (4.166666666666665e-2 - z * 1.388888888888288e-3)
-                      + zz * (2.4801587294628004e-5 - z * 2.75573157386131e-7)
-                      + z4 * (2.087589773865943e-9 - z * 1.1367981879283299e-11);
-        double sine = r + r * z * odd, half = z * 0.5, most = 1 - half;
-        double cosine = most + (((1 - most) - half) + zz * even);
-        double turned = fabs(quadrant);
-        out[l] = turned == 1 ? -quadrant * sine : (1 - turned) * cosine;
-    }
-#else /* the reduction needs sums that are rounded, as x87 registers do not */
-    for (int l = 0; l < W; l++)
-        out[l] = cos(x[l]);
-#endif
+    LANES out[l] = cosine_of(x[l]);
 }
 
 /* -- factors of a step's length ------------------------------------------------------------ */
@@ -86,15 +58,15 @@ INLINE void cosines(const double *x, double *out)
 /* Entries of exp([[0, 1], [-b^2, -2 z b]] h), for any damping. */
 static void oscillator(double b, double z, double h, double *e)
 {
-    double d = z * z - 1, root = b * sqrt(fabs(d)), fade = exp(-z * b * h), cosh_, sinh_;
+    double d = z * z - 1, root = b * sqrt(fabs(d)), fade = decay(-z * b * h, 0), cosh_, sinh_;
     if (root * h < 1e-6) {
         cosh_ = fade;
         sinh_ = h * fade;
     } else if (d < 0) {
-        cosh_ = fade * cos(root * h);
-        sinh_ = fade * sin(root * h) / root;
+        cosh_ = fade * cosine_of(root * h);
+        sinh_ = fade * sine_of(root * h) / root;
     } else {
-        double slow = exp((root - z * b) * h), fast = exp((-root - z * b) * h);
+        double slow = decay((root - z * b) * h, 0), fast = decay((-root - z * b) * h, 0);
         cosh_ = (slow + fast) / 2;
         sinh_ = (slow - fast) / (2 * root);
     }
@@ -116,7 +88,7 @@ static void factors(const Model *m, const Own *o, double h, Factors *f)
             if (m->second)
                 oscillator(b, ROW(o->servo_damping, i)[l], part, entry);
             else
-                entry[0] = exp(-b * part);
+                entry[0] = decay(-b * part, 0);
             for (int e = 0; e < (m->second ? 4 : 1); e++)
                 f->servo[i][e][l] = entry[e];
         }
@@ -124,8 +96,8 @@ static void factors(const Model *m, const Own *o, double h, Factors *f)
         for (int l = 0; l < W; l++) {
             double viscous = ROW(o->viscous_friction_nms_per_rad, j)[l];
             double lag = viscous / ROW(o->shaft_stiffness_nm_per_rad, j)[l] / (j < last ? part : h);
-            double mean = lag > 0 ? -lag * expm1(-1 / lag) : 0.0;
-            double settled = lag > 0 ? -expm1(-1 / lag) : 1.0;
+            double mean = lag > 0 ? -lag * decay(-1 / lag, 1) : 0.0;
+            double settled = lag > 0 ? -decay(-1 / lag, 1) : 1.0;
             ROW(f->weight, 2 * j)[l] = settled - (1 - mean);
             ROW(f->weight, 2 * j + 1)[l] = 1 - mean;
         }

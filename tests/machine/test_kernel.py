@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import shutil
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -208,3 +211,31 @@ def test_a_kernel_of_older_source_with_the_same_layout_is_none(
     assert compiled.open_library(Path(library._name)) is None
     (tmp_path / "dynamic.c").unlink()  # as in a wheel
     assert compiled.open_library(Path(library._name)) is not None
+
+
+BITS = """
+import hashlib, sys
+import planner
+plan = planner.load_plan(sys.argv[1])
+for changes in ({}, {"servo_damping": 0.7}, {"fidelity": "dynamic", "incline_deg": 3.0}):
+    run = planner.replay(plan, planner.Machine.prototype(**changes), samples=18, seed=1)
+    arrays = run.q, run.motor_rates, run.deviation, run.end_state, run.slip_s, run.margin
+    print(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest())
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks glibc for another processor's functions")
+def test_replays_are_the_same_bits_on_older_processors(plan: Plan, tmp_path: Path) -> None:
+    """Sines and exponentials without fused products; motors round commands of the plan."""
+    path, said = tmp_path / "plan.json", []
+    plan.save(path)
+    for features in ("", "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable"):
+        run = subprocess.run(
+            [sys.executable, "-c", BITS, str(path)],
+            env={**os.environ, "GLIBC_TUNABLES": features},
+            capture_output=True,
+            check=True,
+        )
+        said.append(run.stdout.split())
+    assert len(set(said[0])) == 3
+    assert said[0] == said[1]

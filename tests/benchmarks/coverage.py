@@ -2,8 +2,8 @@
 
     python tests/benchmarks/coverage.py [--pairs 100] [--pairs4 40]     # writes results/coverage
 
-Runs on the sweep engine. The database, out/coverage.sqlite, keeps finished cases: the same command
-goes on where it was ended, and more pairs add to those that are there.
+Runs on the sweep engine. A database under out/ keeps finished cases: the same command of the same
+code goes on where it was ended, and more pairs add to those that are there.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from results_pages import kept
 from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
@@ -182,8 +183,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage")
     given = parser.parse_args()
-    db = ROOT / "out" / "coverage.sqlite"
-    db.parent.mkdir(exist_ok=True)
+    db = kept("coverage", ".sqlite")
     found: list[Record] = []
     for joints, count in ((3, given.pairs), (4, given.pairs4)):
         if count:

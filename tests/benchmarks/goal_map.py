@@ -3,8 +3,9 @@
     python tests/benchmarks/goal_map.py                                # writes results/map
     python tests/benchmarks/goal_map.py my.toml --side 7 --out out/map
 
-The goals differ in the last two joints; all else is the problem's. Runs on the sweep engine: the
-database out/map.sqlite keeps finished cases, and the same command goes on where it was ended.
+The goals differ in the last two joints; all else is the problem's. Runs on the sweep engine: a
+database under out/ keeps finished cases, and the same command of the same code goes on where it was
+ended.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from results_pages import kept
 from rich.progress import Progress
 
 import planner
@@ -200,8 +202,7 @@ def main() -> int:
         "methods": [*METHODS.values()],
         "grid": {"goal.theta_deg": goals(problem, angles)},
     }
-    db = ROOT / "out" / "map.sqlite"
-    db.parent.mkdir(exist_ok=True)
+    db = kept("map", ".sqlite")
     records = results(tables, db, given.workers)
     window = has_window(problem, np.linspace(-given.span, given.span, FINE))
     given.out.mkdir(parents=True, exist_ok=True)

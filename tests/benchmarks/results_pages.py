@@ -116,6 +116,13 @@ def _is_text(node: object) -> bool:
     )
 
 
+def kept(page: str, kind: str = "") -> Path:
+    """Where a campaign of this code keeps what is finished, under out/."""
+    path = ROOT / "out" / f"{page}-{fingerprint(DEPENDENCIES[page])}{kind}"
+    path.parent.mkdir(exist_ok=True)
+    return path
+
+
 def begin_records(page: str, path: Path) -> Path:
     """A file whose lines are of this code: lines of other code are deleted, with a word.
 

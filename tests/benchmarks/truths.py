@@ -4,8 +4,8 @@
     python tests/benchmarks/truths.py --truths T1 T5 --arms 1   # some of it, to look at
 
 The arm is truths.c, which shares no code with planner/machine; the package sees only its logs.
-out/truths keeps finished arms, and the same command goes on where it was ended; delete that folder
-to begin anew.
+A folder under out/ keeps finished arms, and the same command of the same code goes on where it was
+ended.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import results_pages
 from matplotlib.figure import Figure
 from rich.progress import Progress
 
@@ -576,7 +577,7 @@ def main() -> int:
             bar.update(line, description=case)
             group = []
             for k in range(given.arms):
-                path = ROOT / "out" / "truths" / f"{case}-{k}.json"
+                path = results_pages.kept("truths") / f"{case}-{k}.json"
                 make = partial(session, run, case, k, Path(name), lambda: bar.advance(line))
                 group.append(kept(path, make))
                 bar.update(line, completed=(len(groups) * given.arms + k + 1) * (1 + len(GOALS)))

@@ -35,10 +35,8 @@ from planner.systems.manipulator import Manipulator
 SAMPLES_A_CALL, STEPS_A_CALL = 32, 2000
 """Samples and steps of one kernel call: few enough to share among threads and to hear Ctrl-C."""
 
-SOURCES = (
-    *("kernel.c", "wide.c", "dynamic.c"),
-    *("functions.h", "lanes.h", "contacts.h", "chain.h", "layout.h"),
-)
+HEADERS = ("functions.h", "lanes.h", "contacts.h", "chain.h", "layout.h")
+SOURCES = ("kernel.c", "wide.c", "dynamic.c", *HEADERS)
 """The C files of the kernel, in the order of setup.py."""
 
 SLOW_WARNING = (

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from results_pages import kept
+from results_pages import cache_path
 from rich.progress import Progress
 from stress_problems import INPUT, WIDE, arm
 
@@ -183,7 +183,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "coverage")
     given = parser.parse_args()
-    db = kept("coverage", ".sqlite")
+    db = cache_path("coverage", ".sqlite")
     found: list[Record] = []
     for joints, count in ((3, given.pairs), (4, given.pairs4)):
         if count:

@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from results_pages import kept
+from results_pages import cache_path
 from rich.progress import Progress
 
 import planner
@@ -202,7 +202,7 @@ def main() -> int:
         "methods": [*METHODS.values()],
         "grid": {"goal.theta_deg": goals(problem, angles)},
     }
-    db = kept("map", ".sqlite")
+    db = cache_path("map", ".sqlite")
     records = results(tables, db, given.workers)
     window = has_window(problem, np.linspace(-given.span, given.span, FINE))
     given.out.mkdir(parents=True, exist_ok=True)

@@ -14,6 +14,7 @@ import argparse
 import ast
 import hashlib
 import re
+import shutil
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -116,7 +117,7 @@ def _is_text(node: object) -> bool:
     )
 
 
-def kept(page: str, kind: str = "") -> Path:
+def cache_path(page: str, kind: str = "") -> Path:
     """Where a campaign of this code keeps what is finished, under out/."""
     path = ROOT / "out" / f"{page}-{fingerprint(DEPENDENCIES[page])}{kind}"
     path.parent.mkdir(exist_ok=True)
@@ -124,7 +125,7 @@ def kept(page: str, kind: str = "") -> Path:
 
 
 def begin_records(page: str, path: Path) -> Path:
-    """A file whose lines are of this code: lines of other code are deleted, with a word.
+    """A file whose lines are of this code: a file of other code is moved to out/, with a word.
 
     Its first line is the fingerprint. A campaign that was ended goes on where it was, and figures
     of two versions never share a page.
@@ -133,7 +134,8 @@ def begin_records(page: str, path: Path) -> Path:
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
     if lines[:1] != [first]:
         if lines:
-            print(f"{path.name} is of other code and begins anew", file=sys.stderr)
+            print(f"{path.name} is of other code: now in out/; it begins anew", file=sys.stderr)
+            shutil.move(path, cache_path(page, path.suffix).with_stem(f"{page}-before-{path.stem}"))
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(first, encoding="utf-8")
     return path
@@ -141,7 +143,8 @@ def begin_records(page: str, path: Path) -> Path:
 
 def read_records(path: Path) -> list[str]:
     """The lines after the fingerprint."""
-    return path.read_text(encoding="utf-8").splitlines()[1:] if path.exists() else []
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    return [line for line in lines if not line.startswith("#")]
 
 
 def sign(page: str, root: Path = ROOT) -> None:

@@ -568,6 +568,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=ROOT / "results/truths")
     given = parser.parse_args()
     groups: list[list[Session]] = []
+    place = results_pages.cache_path("truths")
     with tempfile.TemporaryDirectory() as name, Progress() as bar, warnings.catch_warnings():
         warnings.simplefilter("ignore", planner.InputWarning)
         run = built(Path(name))
@@ -577,7 +578,7 @@ def main() -> int:
             bar.update(line, description=case)
             group = []
             for k in range(given.arms):
-                path = results_pages.kept("truths") / f"{case}-{k}.json"
+                path = place / f"{case}-{k}.json"
                 make = partial(session, run, case, k, Path(name), lambda: bar.advance(line))
                 group.append(kept(path, make))
                 bar.update(line, completed=(len(groups) * given.arms + k + 1) * (1 + len(GOALS)))

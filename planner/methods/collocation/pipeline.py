@@ -236,9 +236,8 @@ class Pipeline:
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options
-        enough = options.starts if options.start in ("auto", "wander") else 1
         quick = why_too_short(problem) is not None  # any motion will do, to name its duration
-        enough = 1 if quick else enough
+        enough = options.starts if options.start in ("auto", "wander") and not quick else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
         guesses = seeds(options.start, options.attempts // part, sides(problem))
         ladder = self._free and has_ladder(job)

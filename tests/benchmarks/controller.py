@@ -97,7 +97,9 @@ def measured(name: str, plan: Plan, machine: Machine, samples: int) -> list[Meas
             compiled = CompiledTracker(made, tracker.design(plan, machine))
             shadow, controls = Recorder(compiled), compiled.controls
             row = Measured(name, f"C, {real}", run(shadow))
-            row.steps = np.concatenate([np.array(one.steps) for one in controls], axis=1)
+            row.steps = np.concatenate(
+                [np.array(one.steps) for one in controls if one.steps], axis=1
+            )
             row.sizes = sizes(made)
             hardest = int(np.argmax(row.steps.max(axis=0)))
             readings = [read for _, read, _ in shadow.log]

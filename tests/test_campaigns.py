@@ -303,5 +303,7 @@ def test_records_of_other_code_begin_anew(
     assert pages.read_records(pages.begin_records("stress", path)) == ["one"]
     assert not capsys.readouterr().err
     monkeypatch.setitem(pages.DEPENDENCIES, "stress", ("solve.py",))
+    monkeypatch.setattr(pages, "ROOT", tmp_path)  # where the old file goes
     assert pages.read_records(pages.begin_records("stress", path)) == []
     assert "records.txt is of other code" in capsys.readouterr().err
+    assert pages.read_records(tmp_path / "out" / "stress-before-records.txt") == ["one"]

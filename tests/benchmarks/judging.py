@@ -8,15 +8,20 @@ Plans of every method and of every kind of system are made once; the times are t
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable
+from operator import itemgetter
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from stress_problems import WIDE, arm
+
 import planner
 from planner.support.package import provenance
+from planner.support.tables import Column, markdown_table
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "results" / "judging" / "README.md"
@@ -25,24 +30,7 @@ REPEATS, LEAST = 3, 0.15
 
 SPEED = {"input_rad_s": [0.5, 0.4]}
 RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
-
-
-def arm(joints: int, start: list[float], goal: list[float], duration: float | str) -> Any:
-    """An arm of the paper's kind, its constants continued by the paper's rule."""
-    ratio = 0.711625 / 0.870125
-    return planner.Problem.from_dict(
-        {
-            "system": {
-                "kind": "manipulator",
-                "joints": joints,
-                "K": [0.870125 * ratio**k for k in range(joints - 1)],
-                "k_g": 0.668811,
-            },
-            "start": {"theta_deg": start},
-            "goal": {"theta_deg": goal, "travel": "free", "duration": duration},
-            "limits": {"input_rad_s": 0.5, "joint_deg": 80},
-        }
-    )
+Record = dict[str, Any]
 
 
 def cases() -> dict[str, Callable[[], planner.Plan]]:
@@ -63,7 +51,9 @@ def cases() -> dict[str, Callable[[], planner.Plan]]:
 
     def long(joints: int, duration: float) -> planner.Plan:
         start, goal = [10.0] * joints, [-20.0 + 10 * k for k in range(joints)]
-        return planner.solve(arm(joints, start, goal, duration), "collocation")
+        tables = arm("manipulator", joints, start, goal, WIDE)
+        tables["goal"]["duration"] = duration
+        return planner.solve(planner.Problem.from_dict(tables), "collocation")
 
     def unlimited(travel: float) -> planner.Plan:
         return free("polynomial", travel)
@@ -110,7 +100,7 @@ def domain(plan: planner.Plan) -> object:
     return plan.domain
 
 
-def row(name: str, plan: planner.Plan) -> dict[str, object]:
+def row(name: str, plan: planner.Plan) -> Record:
     """What the page says of a plan."""
     check, proof = planner.verify(plan), planner.certify(plan)
     assert check.ok, f"{name} is not verified"
@@ -119,13 +109,23 @@ def row(name: str, plan: planner.Plan) -> dict[str, object]:
     return {
         "plan": name,
         "pieces": len(plan.t) - 1,
-        "verify, ms": f"{cost(lambda: planner.verify(plan)):.3g}",
-        "domain, ms": f"{cost(lambda: domain(plan)):.3g}" if chart_law else "–",
-        "certify, ms": f"{cost(lambda: planner.certify(plan)):.3g}",
+        "verify": cost(lambda: planner.verify(plan)),
+        "domain": cost(lambda: domain(plan)) if chart_law else math.nan,
+        "certify": cost(lambda: planner.certify(plan)),
         "cells": proof.cells,
-        "claims proven": f"{asked.count('proven')} of {len(asked)}",
-        "integration error": f"{check.integration_error:.1g}",
+        "proven": f"{asked.count('proven')} of {len(asked)}",
+        "error": check.integration_error,
     }
+
+
+COLUMNS: list[Column[Record]] = [
+    Column("plan", "", itemgetter("plan"), left=True),
+    Column("pieces", "", itemgetter("pieces")),
+    *(Column(name, "ms", itemgetter(name)) for name in ("verify", "domain", "certify")),
+    Column("cells", "", itemgetter("cells")),
+    Column("claims proven", "", itemgetter("proven")),
+    Column("integration error", "", itemgetter("error")),
+]
 
 
 HEAD = """# What judging a plan costs
@@ -150,10 +150,9 @@ def main() -> None:
     for name, make in cases().items():
         rows.append(row(name, make()))
         print(*rows[-1].values(), sep="  ", file=sys.stderr, flush=True)
-    lines = [[*rows[0]], ["---"] * len(rows[0]), *([str(v) for v in r.values()] for r in rows)]
-    table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
     command = provenance("python tests/benchmarks/judging.py")
-    PAGE.write_text(HEAD.format(table=table, provenance=command), encoding="utf-8")
+    page = HEAD.format(table=markdown_table(COLUMNS, rows), provenance=command)
+    PAGE.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -38,13 +38,16 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "compare": (*COMPARISONS, "problems/paper.toml", "tests/benchmarks/comparison.py"),
     "compensation": (*MACHINES, "tests/benchmarks/compensation.py"),
     "controller": (*MACHINES, "report/controller", "tests/benchmarks/controller.py"),
-    "coverage": (*PLANS, "tests/benchmarks/coverage.py"),
+    "coverage": (*PLANS, *(f"tests/benchmarks/{k}.py" for k in ("coverage", "stress_problems"))),
     "design": (*MACHINES, "sweep/design", "problems/designs"),
     "explorer": ("explorer", "report/charts"),
     "feedback": (*MACHINES, "tests/benchmarks/robustness.py"),
     "gallery": (*COMPARISONS, "robustness", "report/figures", "docs/gallery.md"),
     "identification": (*MACHINES, "tests/benchmarks/identification.py"),
-    "judging": (*PLANS, "tests/benchmarks/judged.py", "tests/benchmarks/judging.py"),
+    "judging": (
+        *PLANS,
+        *(f"tests/benchmarks/{k}.py" for k in ("judged", "judging", "stress_problems")),
+    ),
     "map": (*PLANS, "tests/benchmarks/goal_map.py"),
     "mutants": (
         *("verification", "systems", "machine", "methods", "tests/benchmarks/mutants.py"),
@@ -125,7 +128,7 @@ def cache_path(page: str, kind: str = "") -> Path:
 
 
 def begin_records(page: str, path: Path) -> Path:
-    """A file whose lines are of this code: a file of other code is moved to out/, with a word.
+    """A file whose lines are of this code: one of other code is moved to out/, with a word.
 
     Its first line is the fingerprint. A campaign that was ended goes on where it was, and figures
     of two versions never share a page.
@@ -134,8 +137,12 @@ def begin_records(page: str, path: Path) -> Path:
     lines = path.read_text(encoding="utf-8").splitlines(keepends=True) if path.exists() else []
     if lines[:1] != [first]:
         if lines:
-            print(f"{path.name} is of other code: now in out/; it begins anew", file=sys.stderr)
-            shutil.move(path, cache_path(page, path.suffix).with_stem(f"{page}-before-{path.stem}"))
+            old = ROOT / "out" / f"{page}-before-{path.name}"
+            old.parent.mkdir(exist_ok=True)
+            shutil.move(path, old)
+            print(
+                f"{path.name} is of other code: it begins anew, and {old} has it", file=sys.stderr
+            )
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(first, encoding="utf-8")
     return path

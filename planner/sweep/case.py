@@ -44,15 +44,22 @@ if TYPE_CHECKING:
     from planner.sweep.description import Sweep
     from planner.sweep.sweep_file import Point
 
+COSTS: Mapping[str, str] = {
+    "objective": "REAL",
+    "iterations": "INTEGER",
+    **dict.fromkeys(("solve_time_s", "build_time_s"), "REAL"),
+}
+"""Attributes of a plan that a sweep saves as they are."""
+
 RESULTS: Mapping[str, str] = {
     "status": "TEXT NOT NULL",
     "solved": "INTEGER NOT NULL",
     "why": "TEXT",
     "advice": "TEXT",
     **dict.fromkeys((*rows.sweep_columns(), "end_spread_deg", "contact_torque_nm"), "REAL"),
-    **dict.fromkeys(("contact_load", "motor_torque_nm", "motor_power_w", "objective"), "REAL"),
-    "iterations": "INTEGER",
-    **dict.fromkeys(("solve_time_s", "build_time_s", "case_time_s"), "REAL"),
+    **dict.fromkeys(("contact_load", "motor_torque_nm", "motor_power_w"), "REAL"),
+    **COSTS,
+    "case_time_s": "REAL",
     "versions": "TEXT",
     "traceback": "TEXT",
     "plan": "TEXT",
@@ -203,7 +210,7 @@ def _run(request: Request) -> Row:
             found = replace(found, **rows.machine_figures(runs, sweep=True))
         row |= _machine_figures(runs)
     row |= {name: value(found) for name, value in rows.sweep_columns().items()}
-    row |= {"objective": plan.objective, "iterations": plan.iterations}
+    row |= {name: getattr(plan, name) for name in COSTS}
     if request["keep_plan"] and plan.verified:
         row["plan"] = plan.to_json()
     return row

@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
+from numbers import Integral, Real
 from typing import Any, TypeVar
 
 
@@ -203,6 +204,31 @@ def expect(kind: type, value: object, how: str) -> None:
     if not isinstance(value, kind):
         shown = textwrap.shorten(repr(value), 60, placeholder="...")
         raise InputError(f"{shown} is not a {kind.__name__}; {how}")
+
+
+ABOVE_ZERO = math.ulp(0.0)
+"""The least number above zero."""
+
+
+def expect_number(
+    name: str, value: Any, what: str, low: float, high: float = math.inf, whole: bool = False
+) -> None:
+    """Refuse an argument that is not a finite number from `low` to `high`.
+
+    Args:
+        name: Name of the argument.
+        value: The argument.
+        what: What it must be, for the message.
+        low: Least number allowed.
+        high: Largest number allowed.
+        whole: Whether the number must be whole.
+
+    Raises:
+        InputError: If the argument is anything else.
+    """
+    is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value) or not low <= value <= high:
+        raise InputError(f"{name} = {value!r:.40}: must be {what}")
 
 
 Class = TypeVar("Class", bound=type)

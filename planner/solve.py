@@ -241,8 +241,8 @@ def compensate(
             compensated again.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         method: The method that plans a problem.
-        **options: Override the problem's `[compensation]` table, key by key: `aim`, `preparation`,
-            `take_up`, `correction`, `back_off`, `lag`, `gearheads`.
+        **options: Override the problem's `[compensation]` table, key by key:
+            `preparation`, `take_up`, `correction`, `back_off`, `lag`, `gearheads`.
 
     Returns:
         A verified plan whose inputs are the motor commands. The commands begin with a preparatory

@@ -213,7 +213,7 @@ def test_the_command_refuses_with_what_it_came_to(capsys: pytest.CaptureFixture[
     assert main(["plan", str(PAPER), "--json", "--time-limit", "1e-9"]) == 3
     assert json.loads(capsys.readouterr().out)["status"] == "time_limit"
     assert main(["plan", str(PAPER), "--json", "--time-limit", "0"]) == 2
-    assert "is not a time limit" in capsys.readouterr().err
+    assert "time_limit_s" in capsys.readouterr().err
 
 
 def test_a_redirected_job_says_a_line_now_and_then(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from planner.errors import InputError
+from planner.errors import InputError, expect_number
 from planner.methods.registry import find_method
 from planner.problem.problem import AnyProblem, problem_of
 from planner.support.deadline import check_seconds
@@ -46,8 +46,7 @@ def explore(
     """
     problem = problem_of(problem)
     find_method(method)
-    if isinstance(samples, bool) or not isinstance(samples, int) or samples < 0:
-        raise InputError(f"samples = {samples}: must be a whole number, at least 0")
+    expect_number("samples", samples, "a whole number, at least 0", 0, whole=True)
     try:
         from planner.explorer.widget import Explorer
     except ModuleNotFoundError as error:

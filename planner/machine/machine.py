@@ -385,14 +385,11 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
     Raises:
         InputError: If the number is not in 1 … `MOST_MACHINES`, or the list is not of numbers ≥ 0.
     """
-    if isinstance(samples, bool):
-        raise InputError(
-            f"samples = {samples}: give a number of samples, or a list of sample numbers"
-        )
     if isinstance(samples, int) and samples > MOST_MACHINES:
         raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
     whole = numbers.ndim == 1 and numbers.size > 0 and numbers.dtype.kind in "iu"
+    whole &= not isinstance(samples, bool)
     if not whole or numbers.min() < 0:
         raise InputError(
             f"samples = {samples}: give a number of samples (at least 1), or a list of sample"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
 from planner.machine.limits import (
@@ -531,11 +531,9 @@ def feedback_of(plan: Plan, feedback: bool | Feedback) -> Feedback | None:
 
 
 def _check(seed: int, settle_s: float, record_s: float | None, motions: int | None) -> None:
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed = {seed}: must be an integer >= 0")
-    if not (np.isfinite(settle_s) and settle_s >= 0):
-        raise InputError(f"settle_s = {settle_s}: must be a time >= 0, in seconds")
-    if record_s is not None and not (np.isfinite(record_s) and record_s > 0):
-        raise InputError(f"record_s = {record_s}: must be a time > 0, in seconds, or None")
-    if motions is not None and (not isinstance(motions, int) or motions < 0):
-        raise InputError(f"motions = {motions!r:.40}: must be a number of samples, or None for all")
+    expect_number("seed", seed, "an integer >= 0", 0, whole=True)
+    expect_number("settle_s", settle_s, "a time >= 0, in seconds", 0)
+    if record_s is not None:
+        expect_number("record_s", record_s, "a time > 0, in seconds, or None", ABOVE_ZERO)
+    if motions is not None:
+        expect_number("motions", motions, "a number of samples, or None for all", 0, whole=True)

@@ -344,8 +344,9 @@ def parse_specs(
     """
     if specs == ALL:
         return [Spec(name) for name in all_methods()]
-    texts = list(split(specs, ",")) if isinstance(specs, str) else specs
-    if not isinstance(texts, Iterable) or not all(isinstance(text, str) for text in texts):
+    given = split(specs, ",") if isinstance(specs, str) else specs
+    texts = list(given) if isinstance(given, Iterable) else [None]
+    if not all(isinstance(text, str) for text in texts):
         raise InputError(
             f"methods = {shorten(repr(specs))}: give a list of names, for example ['polynomial',"
             " 'collocation']"

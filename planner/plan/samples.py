@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.plan.plan import Plan
 from planner.plan.quadrature import POINTS, integrate, read_trajectory
 from planner.plan.recorded.number_table import read_table
@@ -120,8 +120,7 @@ def sample(plan: Plan, rate_hz: float = RATE_HZ) -> Samples:
     Raises:
         InputError: If the rate is not positive, or gives more than two million samples.
     """
-    if isinstance(rate_hz, bool) or not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise InputError(f"rate_hz = {rate_hz}: must be a positive number of samples per second")
+    expect_number("rate_hz", rate_hz, "a positive number of samples per second", ABOVE_ZERO)
     steps = max(1, int(np.ceil(min(plan.duration * rate_hz, 1e15) - 1e-9)))
     if steps >= MAX_ROWS:
         raise InputError(

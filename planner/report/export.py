@@ -20,7 +20,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from planner.errors import InputError, InputWarning
+from planner.errors import InputError, InputWarning, expect_number
 from planner.machine.machine import Machine
 from planner.plan.measures import REST_SHARE, moving_inputs, peak_inputs
 from planner.plan.plan import Plan, expect_plan
@@ -207,8 +207,7 @@ def slowed(plan: Plan, factor: float) -> Plan:
     Raises:
         InputError: If the factor is not a number of at least 1.
     """
-    if isinstance(factor, bool) or not (np.isfinite(factor) and factor >= 1):
-        raise InputError(f"slow = {factor!r:.40}: must be a factor of at least 1")
+    expect_number("slow", factor, "a factor of at least 1", 1)
     if factor == 1:
         return plan
     return replace(plan, trajectory=plan.trajectory.slowed(factor), verified=False)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import InputError
+from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.report.figures.arm import body_points, draw_places, drawable, plane_axes
 from planner.report.figures.style import Curve, Plans, heading
 from planner.report.figures.style import times as fine_times
@@ -110,10 +110,8 @@ def check_film(path: str | Path, fps: int, speed: float) -> str:
     if suffix not in SUFFIXES:
         raise InputError(f"cannot animate to {path}: its name must end in {' or '.join(SUFFIXES)}")
     refuse_unwritable(path)
-    if isinstance(fps, bool) or not 1 <= fps <= 60:
-        raise InputError(f"fps = {fps}: must be 1 to 60 frames per second")
-    if isinstance(speed, bool) or not (np.isfinite(speed) and speed > 0):
-        raise InputError(f"speed = {speed}: must be a positive number")
+    expect_number("fps", fps, "1 to 60 frames per second", 1, 60)
+    expect_number("speed", speed, "a positive number", ABOVE_ZERO)
     if suffix == ".mp4":
         find_ffmpeg()
     return suffix

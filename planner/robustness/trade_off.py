@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError, NoPlanError
+from planner.errors import InputError, NoPlanError, expect_number
 from planner.machine.machine import Machine, machine_for
 from planner.machine.replay import STATISTICS
 from planner.methods.registry import find_method, merged_options
@@ -214,8 +214,7 @@ def trade_off(
     problem = problem_of(problem)
     if kind not in KINDS:
         raise InputError(f"trade-off against {kind!r}: must be one of {', '.join(KINDS)}")
-    if isinstance(points, bool) or not isinstance(points, int) or not 3 <= points <= 200:
-        raise InputError(f"points = {points}: must be a whole number, 3 to 200")
+    expect_number("points", points, "a whole number, 3 to 200", 3, 200, whole=True)
     design = merged_options(problem, find_method("desensitised"), options)
     distribution = machine_for(problem.machine, machine)
     request = {

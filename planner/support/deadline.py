@@ -21,7 +21,7 @@ from contextvars import Context, ContextVar
 from dataclasses import dataclass
 from typing import Literal
 
-from planner.errors import InputError
+from planner.errors import ABOVE_ZERO, expect_number
 from planner.support.interrupts import handle_signals
 
 DEFAULT_SEARCH_S = 60.0
@@ -288,9 +288,5 @@ def check_seconds(seconds: float) -> float:
     Raises:
         InputError: If `seconds` is not a finite number above zero.
     """
-    number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
-    if not number or not 0 < seconds < math.inf:
-        raise InputError(
-            f"time_limit_s = {seconds!r:.40} is not a time limit; give seconds above 0"
-        )
+    expect_number("time_limit_s", seconds, "a time limit, in seconds above 0", ABOVE_ZERO)
     return float(seconds)

@@ -475,7 +475,10 @@ def _least_values(
     sides = [np.where(np.isfinite(side), side - values, 0.0) for side in (before, after)]
     deep, least = np.maximum(*sides), np.min(values, axis=(0, 1))
     dips = (values <= before) & (values <= after) & (values - 2 * deep <= least)
-    dips &= (deep > FLAT_DEPTH) | (values == least)
+    # Of what stays at the least value, as a distance from the base may, one sample will do.
+    lowest = values == least
+    count = np.cumsum(lowest.reshape(-1, values.shape[-1]), axis=0).reshape(values.shape)
+    dips &= (deep > FLAT_DEPTH) | (lowest & (count == 1))
     sample, cell, which = np.nonzero(dips)
     low, high = grid[np.maximum(sample - 1, 0)], grid[np.minimum(sample + 1, len(grid) - 1)]
     row = np.arange(len(cell))

@@ -155,7 +155,8 @@ a third each plain, with narrow joint limits and with a given duration, and trai
 custom systems (seed {seed}; how they are drawn: `tests/benchmarks/stress_problems.py`). The order
 mixes them, so that what is done is a fair sample. By number of joints and system: {groups}.
 
-Method: collocation with its defaults, all by one version. Every case should end verified, or
+Method: collocation with its defaults but no time limit (by default 60 CPU s), all by one
+version. Every case should end verified, or
 refused with a proof that there is no motion: **{verified} of {done} verified**, {proven} refused
 with a proof, {failed} failed, in {cpu:.0f} CPU s of search.
 Times are of the search alone, in CPU s of one thread; on a busy machine those of one case scatter

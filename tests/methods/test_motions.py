@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -205,5 +206,37 @@ def test_a_player_sends_what_an_export_has(paper: Problem, tmp_path: Path) -> No
     rows = load_samples(export(plan, tmp_path / "a.csv"))
     player = Player(plan)
     sent = [player(t, [0.0, 0.0, 0.0]) for t in rows.t]
-    np.testing.assert_allclose(sent[:-1], rows.u[:-1], atol=1e-12)
-    assert sent[-1] is None
+    np.testing.assert_allclose(sent, rows.u, atol=1e-12)
+    assert not np.any(sent[-1])
+    assert player(rows.t[-1] + 0.01, [0.0, 0.0, 0.0]) is None
+
+
+def test_a_player_needs_a_reading_of_each_joint_but_may_miss_some(paper: Problem) -> None:
+    plan = homing(paper)
+
+    def seconds(reading: Callable[[float], float]) -> int:
+        player, ticks = Player(plan), 0
+        while player(0.01 * ticks, [1.0, rise(0.01 * ticks), reading(0.01 * ticks)]) is not None:
+            ticks += 1
+        return ticks
+
+    def rise(t: float) -> float:
+        return 1.0 + 0.8 * max(0.0, t - 5.0)
+
+    whole = seconds(rise)
+    assert whole < 100 * plan.duration
+    assert seconds(lambda t: np.nan if 4.895 < t < 4.905 else rise(t)) == whole
+    assert (
+        seconds(lambda _: np.nan)
+        == seconds(lambda _: 1.0)
+        == pytest.approx(100 * plan.duration, abs=2)
+    )
+    for bad in ([], [1.0], [1.0, 1.0], [1.0, 1.0, None], "abc"):
+        with pytest.raises(InputError, match="theta_deg"):
+            Player(plan)(0.0, bad)
+    for bad in (np.nan, "1", None):
+        with pytest.raises(InputError, match="t_s"):
+            Player(plan)(bad, [1.0, 1.0, 1.0])  # type: ignore[arg-type]
+    for bad in (0.0, -1.0, np.nan, "1", True):
+        with pytest.raises(InputError, match="period_s"):
+            Player(plan, period_s=bad)  # type: ignore[arg-type]

@@ -70,6 +70,8 @@ def test_bad_lists_and_options_are_refused_before_any_work(
 ) -> None:
     with pytest.raises(planner.InputError, match=said):
         parse_specs(paper, texts)
+    with pytest.raises(planner.InputError, match=said):
+        parse_specs(paper, (text for text in texts))
 
 
 VALUES = st.recursive(
@@ -83,6 +85,11 @@ VALUES = st.recursive(
     ),
     max_leaves=4,
 )
+
+
+def test_specs_may_come_one_by_one(paper: planner.Problem) -> None:
+    names = ["polynomial", "convex"]
+    assert parse_specs(paper, iter(names)) == parse_specs(paper, names)
 
 
 def test_every_call_that_names_a_method_takes_a_spec(paper: planner.Problem) -> None:

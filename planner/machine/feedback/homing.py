@@ -7,14 +7,16 @@ rise which proves that every axis is ahead of its joint. Noise requires a larger
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.errors import InputError
+from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine
 from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
-from planner.support.arrays import Array
+from planner.support.arrays import Array, floats
 
 RISE_SPREADS = 10.0
 """Least rise, in standard deviations of the encoders' noise: the least and the largest of some
@@ -57,7 +59,7 @@ class HomingController:
         """Return the motor speeds to command in the tick from t on, (1, 2, S), rad/s."""
         until, joints = self._until, measured[2:]
         if t >= until["count_from_s"]:
-            self._least = np.minimum(self._least, joints)
+            self._least = np.fmin(self._least, joints)  # NaN: no reading
         if until["from_s"] <= t < until["to_s"]:
             risen = np.all(joints - self._least > self._rise, axis=0)
             self.done_s = np.where(risen, np.minimum(self.done_s, t), self.done_s)
@@ -72,7 +74,8 @@ class HomingController:
 class Player:
     """Commands of a plan, period by period, for the loop of your own controller.
 
-    A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them.
+    A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them. The
+    last command is zero, because many controllers hold it.
 
     Args:
         plan: An executable plan.
@@ -80,7 +83,7 @@ class Player:
         noise_deg: Noise of the encoders, degrees, which sets the rise that ends the slow turn.
 
     Raises:
-        InputError: If the plan is not executable.
+        InputError: If the plan is not executable, or the period is not above 0.
     """
 
     def __init__(
@@ -88,6 +91,7 @@ class Player:
     ) -> None:
         expect_plan(plan)
         refuse_inexecutable(plan)
+        expect_number("period_s", period_s, "a time > 0, in seconds", ABOVE_ZERO)
         self._plan, self._period_s, self._rule = plan, period_s, None
         if "until" in plan.notes:
             machine = Machine.ideal(encoder_noise_deg=noise_deg)
@@ -98,11 +102,20 @@ class Player:
 
         Args:
             t_s: Time since the start, s.
-            theta_deg: Readings of the encoders, (n,), degrees.
+            theta_deg: Readings of the encoders, (n,), degrees; NaN where there is none.
+
+        Raises:
+            InputError: If the time is not a finite number, or a motion of `planner.homing` gets
+                other than n readings.
         """
+        expect_number("t_s", t_s, "a time, in seconds", -math.inf)
+        middle = t_s + self._period_s / 2
         if self._rule is not None:
-            self._rule(t_s, np.deg2rad([0.0, *np.asarray(theta_deg)])[:, None])
-            t_s += float(self._rule.left_out_s[0])
-        if t_s > self._plan.duration - self._period_s / 2:
-            return None
-        return np.asarray(self._plan.trajectory.u(t_s + self._period_s / 2))
+            read, joints = floats("theta_deg", theta_deg), self._plan.problem.system.size - 1
+            if read.shape != (joints,):
+                raise InputError(f"theta_deg = {theta_deg!r:.60}: give {joints} readings")
+            self._rule(t_s, np.deg2rad([0.0, *read])[:, None])
+            middle += float(self._rule.left_out_s[0])
+        if middle > self._plan.duration:
+            return np.zeros(2) if middle <= self._plan.duration + self._period_s else None
+        return np.asarray(self._plan.trajectory.u(middle))

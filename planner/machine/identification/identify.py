@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, expect_number
 from planner.machine.identification.diagnosis import longest_standstill, refuse_misfit
 from planner.machine.identification.fit import BestFit, fit, step_with_zeros
 from planner.machine.identification.model import (
@@ -332,8 +332,7 @@ def identify(
         expect_log(log)
     if not every:
         raise InputError("identify needs at least one log; planner.read_log(path) reads one")
-    if isinstance(starts, bool) or not isinstance(starts, int) or starts < 1:
-        raise InputError(f"starts = {starts!r:.40}: must be a number of searches, at least 1")
+    expect_number("starts", starts, "a number of searches, at least 1", 1, whole=True)
     system = problem.system
     if not isinstance(system, Manipulator):
         raise InputError(

@@ -261,7 +261,8 @@ class BallGearTable(Table):
     k_g: Positive = 1.0
     """Turns of the last ball per turn of motor 1; u1 is the speed of the motor."""
     link_lengths: list[Positive] | None = None
-    """Link lengths for drawing."""
+    """Lengths of the links, m, by default 1 each: for pictures, posts, tips and the space that
+    the arm needs."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> BallGearTable:
@@ -331,7 +332,8 @@ class ManipulatorTable(Table):
     """k_g with gear: rho^(n-2), from the chain of disks (with stages that differ rho_1 ...
     rho_(n-2)); or rho^2 as printed in the paper, a misprint."""
     link_lengths: list[Positive] | None = None
-    """Link lengths for drawing."""
+    """Lengths of the links, m, by default 1 each: for pictures, posts, tips and the space that
+    the arm needs."""
 
     @model_validator(mode="after")
     def _check_constants(self) -> ManipulatorTable:

@@ -217,7 +217,7 @@ class MachineTable(Table):
 
     preset: Literal["prototype", "ideal"] = "prototype"
     """Preset to start from."""
-    step_s: Annotated[float, Field(gt=0, le=0.01)] | None = None
+    step_s: Annotated[float, Field(ge=1e-6, le=0.01)] | None = None
     """Largest simulation step in seconds."""
     fidelity: Literal["quasi-static", "dynamic"] | None = None
     """quasi-static: joint motion from the balance of torques, without inertia; dynamic: two masses
@@ -238,7 +238,7 @@ class MachineTable(Table):
     """How far plans for this machine can be believed, if it was identified."""
 
     control_period_s: Annotated[
-        Setting, Effect("s", "machine", high=1, positive=True, may_spread=False)
+        Setting, Effect("s", "machine", low=1e-5, high=1, may_spread=False)
     ] = None
     """Sample and hold: period in seconds at which the command is read."""
     delay_s: Annotated[Setting, Effect("s", "machine", high=1)] = None

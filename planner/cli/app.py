@@ -151,9 +151,8 @@ def main(arguments: Sequence[str] | None = None, *, last: bool = False) -> int:
         The exit status.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    for name in ("stdout", "stderr"):  # None if the caller has closed it
-        if getattr(sys, name) is None:
-            setattr(sys, name, _null_stream())
+    sys.stdout = sys.stdout or _null_stream()  # None if the caller has closed it
+    sys.stderr = sys.stderr or _null_stream()
     if last:
         os.environ.pop("MPLBACKEND", None)  # no figure needs one, and an unknown one would fail
         gc.disable()  # modules stay loaded, so a collection frees nothing

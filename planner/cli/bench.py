@@ -200,7 +200,7 @@ def identify(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Recorded runs (CSV).")],
     problem: LogProblem,
     preset: Annotated[
-        str | None,
+        Path | None,
         typer.Option(
             "--from",
             metavar="MACHINE",
@@ -237,9 +237,9 @@ def identify(
     task = read_problem(problem, None)
     refuse_picture(figure)
     refuse_unwritable(out)
-    machine: Machine | str = preset or "prototype"
-    if Path(str(machine)).suffix == ".toml":
-        machine = load_machine(str(machine))
+    machine: Machine | str = str(preset or "prototype")
+    if preset is not None and preset.suffix == ".toml":
+        machine = load_machine(preset)
     with job("reading the runs") as tell:
         names = _columns(columns)
         result = run_identification(
@@ -255,20 +255,17 @@ def identify(
             write_figure(figure, result.plot())
     for text in result.warnings:
         say(f"warning: {text}", "yellow")
-    useless = result.improves is False and not anyway
-    data = {
-        **result.to_dict(),
-        "written": None if out is None or useless else result.save(out),
-    }
-    if out is not None and useless:
+    withheld = out is not None and result.improves is False and not anyway
+    written = None if withheld else out and result.save(out)
+    if withheld:
         say("not written: the machine is no better than the preset (--anyway writes it)", "yellow")
     return finish(
-        data,
+        {**result.to_dict(), "written": written},
         result.table(),
         "",
         *_words(result),
         where="machine written to {}",
-        status=NoPlanError.exit_status if out is not None and useless else 0,
+        status=NoPlanError.exit_status if withheld else 0,
     )
 
 

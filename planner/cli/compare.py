@@ -118,14 +118,13 @@ def compare(
       planner compare problems/paper.toml --methods collocation:intervals=20
     """
     task = read_problem(problem, changes, machine)
-    source = "" if machine is None else str(machine)
     _refuse_early(out, budget, report)
     result: Comparison | None = None
     with suppress(KeyboardInterrupt), job() as progress:
         result = run(
             task,
             join_methods(methods),
-            machine=replace(Machine.from_table(task.machine), source=source),
+            machine=replace(Machine.from_table(task.machine), source=str(machine or "")),
             samples=sample or samples,
             seed=seed,
             feedback=feedback,
@@ -153,11 +152,15 @@ def compare(
         with gone:
             for share in shares.values():
                 print_text(share.table(), "")
+    written: Path | None = None
     # After Ctrl-C, `job` would end the command before the finished results are written.
-    with job("drawing figures") if out and complete else nullcontext():
+    with suppress(KeyboardInterrupt), job("drawing figures") if out and complete else nullcontext():
         written = out and save(result, out, report=report, partial=not complete)
-        if written is not None and shares:
-            save_budget(shares, written / "budget")
+    if out and written is None:
+        complete = False
+        written = save(result, out, report=report, partial=True, pictures=False)
+    if written is not None and shares:
+        save_budget(shares, written / "budget")
     status = 0 if any(row.solved for row in result.rows) else NoPlanError.exit_status
     status = status if complete else ReportedStatus(INTERRUPT_STATUS)
     if manner.as_json:
@@ -190,7 +193,8 @@ def _say_results(
     if not complete:
         where = "shown above" if written is None else f"written to {written}"
         kept = "" if written == out else f"; {out} keeps the complete result of an earlier run"
-        say(f"interrupted: partial result, {where}{kept}", "red")
+        bare = written is not None and not (written / "figures").exists()
+        say(f"interrupted: partial result{' without pictures' * bare}, {where}{kept}", "red")
     elif written is not None:
         look = f"open {written}/report.html" if report else f"pictures in {written}/figures"
         note(f"written to {written}; {look}")

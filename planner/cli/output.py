@@ -425,6 +425,19 @@ _COMMON_OPTIONS = {
 }
 
 
+def _refuse_own_input(options: Mapping[str, Any]) -> None:
+    """Refuse to write a file that another argument names too, to be read or written.
+
+    Raises:
+        InputError: If there is such a file.
+    """
+    values = [each if isinstance(each, list) else [each] for each in options.values()]
+    there = [p for each in values for p in each if isinstance(p, Path) and os.path.exists(p)]
+    for out in map(options.get, ("out", "figure", "export_to")):
+        if out in there and sum(os.path.samefile(out, path) for path in there) > 1:
+            raise InputError(f"cannot write {out}: another argument names it; use another name")
+
+
 def add_common_options(command: Command) -> Command:
     """Add `--json`, `--quiet` and `--verbose` to a command, unless it defines them itself."""
     hints = get_type_hints(command, include_extras=True)
@@ -444,6 +457,9 @@ def add_common_options(command: Command) -> Command:
             setattr(manner, name, options.pop(name, False))
         if manner.quiet and manner.verbose:
             raise InputError("--quiet and --verbose contradict each other; give one of them")
+        if "" in manner.words and Path() in options.values():
+            raise InputError(f"the word after {manner.words[manner.words.index('') - 1]} is empty")
+        _refuse_own_input(options)
         start = time.monotonic()
         if manner.verbose:
             detail(", ".join(f"{name} {number}" for name, number in versions().items()))

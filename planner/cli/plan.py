@@ -113,8 +113,7 @@ def plan(
         if again is None or run is None or after is not None:
             raise InputError("--again needs the run of its plan in --run, and no --after")
         task = task.again(load_plan(again, strict=True), read_log(run).pose_deg)
-        task = task if pose is None else task.from_pose(pose)
-    elif after is not None:
+    if after is not None:
         task = task.after(load_plan(after, strict=True), pose)
     elif pose is not None:
         task = task.from_pose(pose)

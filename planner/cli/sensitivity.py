@@ -119,8 +119,6 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
     Raises:
         InputError: If an argument is wrong, or no method has a plan that can be executed.
     """
-    if is_plan(source):
-        raise InputError(f"{source} is a plan; --methods needs a problem file")
     problem = read_problem(source, changes)
     with job() as progress:
         rows = plan_rows(problem, methods, progress)
@@ -134,10 +132,9 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
         f"{label}: {'refused' if label in comparison.plans else 'no plan'}, {why}"
         for label, why in refused.items()
     ]
-    table = comparison.table()
     title = f"{problem.name}: one standard deviation of each of {', '.join(spread)}"
     words = (comparison.sentence, comparison.verdict, *notes)
-    return finish(data, title, "", table, "", *words)
+    return finish(data, title, "", comparison.table(), "", *words)
 
 
 def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
@@ -175,8 +172,6 @@ def _trade_off(
     """
     if out is None:
         raise InputError("--pareto saves a plan for each point; give the folder with --out FOLDER")
-    if is_plan(source):
-        raise InputError(f"{source} is a plan; --pareto needs a problem file")
     problem = read_problem(source, changes)
     with explain_interruption("points", out), job() as progress:
         curve = trade_off(
@@ -188,8 +183,7 @@ def _trade_off(
     title = f"{problem.name}: least sensitivity against {kind}"
     knee_file = curve.knee.plan.save(out / KNEE_FILE)
     use = _use(curve, knee_file)
-    data = {**curve.to_dict(), "written": out, "knee_file": knee_file}
-    data["use"] = "\n".join(use)
+    data = {**curve.to_dict(), "written": out, "knee_file": knee_file, "use": "\n".join(use)}
     missing = points - len(curve.points)
     which = f"{missing} of {points} points have no plan, or no lower total than a cheaper point.\n"
     return finish(data, title, "", table, "", which * bool(missing) + _knee(curve), "", *use)

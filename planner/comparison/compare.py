@@ -93,7 +93,7 @@ def compare(
         InputError: If a method, an option, or a number is wrong.
         KeyboardInterrupt: On Ctrl-C before a row is finished.
     """
-    expect_listener(progress)
+    report = expect_listener(progress)
     problem = problem_of(problem)
     numbers = sample_numbers(samples)
     named = specs_of(problem, methods, feedback=True)
@@ -114,8 +114,7 @@ def compare(
         for k, spec in enumerate(requests):
 
             def tell(doing: str, share: float, k: int = k, label: str = spec.label) -> None:
-                if progress is not None:
-                    progress(f"{doing} {label}", (k + share) / len(requests))
+                report(f"{doing} {label}", (k + share) / len(requests))
 
             run.add(spec, tell)
         complete = True

@@ -84,7 +84,7 @@ def animate(
             number is out of range, or the file cannot be written.
     """
     suffix = check_film(path, fps, speed)
-    expect_listener(progress)
+    report = expect_listener(progress)
     drawn = drawable(plans)
     longest = max(curve.plan.duration for curve in drawn)
     count = int(np.ceil(longest / speed * fps)) + 1
@@ -94,7 +94,7 @@ def animate(
             f" allowed {MAX_FRAMES}; raise the speed"
         )
     times = np.minimum(np.arange(count) * speed / fps, longest)
-    frames = _frames(drawn, times, progress)
+    frames = _frames(drawn, times, report)
     write = gif if suffix == ".gif" else mp4
     return write_bytes(path, write(frames, fps, round(LAST_FRAME_S * fps)))
 
@@ -117,7 +117,7 @@ def check_film(path: str | Path, fps: int, speed: float) -> str:
     return suffix
 
 
-def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> Iterator[Frame]:
+def _frames(drawn: Sequence[Curve], times: Array, report: Progress) -> Iterator[Frame]:
     """Yield the frames of a film, each (height, width, 3); only the moving parts are redrawn."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -140,8 +140,7 @@ def _frames(drawn: Sequence[Curve], times: Array, progress: Progress | None) -> 
             scene.axes.draw_artist(scene.trail)
             scene.axes.draw_artist(scene.line)
         yield np.asarray(canvas.buffer_rgba())[..., :3].copy()
-        if progress is not None:
-            progress(k + 1, len(times))
+        report(k + 1, len(times))
 
 
 def _stage(drawn: Sequence[Curve], times: Array) -> tuple[Figure, list[_Scene], Any]:

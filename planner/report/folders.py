@@ -60,7 +60,12 @@ MOTION_INSTANTS = 300
 
 
 def save(
-    comparison: Comparison, path: str | Path, *, report: bool = False, partial: bool = False
+    comparison: Comparison,
+    path: str | Path,
+    *,
+    report: bool = False,
+    partial: bool = False,
+    pictures: bool = True,
 ) -> Path:
     """Write table.md, table.csv, comparison.json, replays.json, problem.toml, plans/ and figures/.
 
@@ -75,6 +80,7 @@ def save(
             is written to a folder beside it, whose name ends in "-partial".
         report: Whether to add the page report.html; see `planner.report.page.page.write_report`.
         partial: Whether the run was interrupted although all rows are finished, as in budgets.
+        pictures: Whether to draw figures/ and report.html.
 
     Returns:
         The folder that was written.
@@ -99,8 +105,9 @@ def save(
         write_json(place / "comparison.json", data)
         write_text(place / "replays.json", json.dumps(replay_data(comparison)) + "\n")
         _copy_problem(comparison, place)
-        _write_figures(comparison, place)
-        if report:
+        if pictures:
+            _write_figures(comparison, place)
+        if report and pictures:
             write_report(place)
     return target
 

@@ -54,7 +54,6 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         problem = Problem.from_dict(data["problem"], data["source"])
         errors = _machine_errors(place / "machines.csv")
         read = [_row(row, place, problem, errors.get(row["label"])) for row in data["rows"]]
-        rows = [row for row, _ in read]
         fallen = [row.why for row, has_fallen in read if has_fallen]
         if fallen and strict:
             raise InputError("\n".join(f"{folder}: {why}" for why in fallen))
@@ -63,7 +62,7 @@ def load_comparison(folder: str | Path, *, strict: bool = False) -> Comparison:
         chosen = data.get("chosen")  # files before version 1.0.0 lack it and the threshold
         return Comparison(
             problem,
-            tuple(rows),
+            tuple(row for row, _ in read),
             replace(machine, source=source),
             **numbers,
             chosen=None if chosen is None else tuple(sample_numbers(chosen).tolist()),
@@ -110,9 +109,8 @@ def _row(
         return Row(spec, False, why, plan=plan), True
     names = {field.name for field in fields(Row)} - KEPT_IN_FILES
     # Earlier versions had neither of these.
-    values: dict[str, Any] = {"ways": [data["advice"]] if data["advice"] else []}
-    values |= {"beyond_physical": data.get("beyond_limits")}
-    values |= data
+    ways, beyond = [data["advice"]] if data["advice"] else [], data.get("beyond_limits")
+    values: dict[str, Any] = {"ways": ways, "beyond_physical": beyond, **data}
     if "terminal_error_max_deg" in data:
         values |= without_unit_keys(data, problem.system)
     else:  # earlier versions lacked the length of the path, too

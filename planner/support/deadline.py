@@ -190,11 +190,9 @@ def _open_span(span: Span) -> Iterator[Span]:
 
 def remaining() -> float:
     """Return the seconds until the first enclosing limit, at least 0; infinite without a limit."""
-    seconds = math.inf
-    for span in _spans(_span.get()):
-        if span.condition is None or span.condition():
-            seconds = min(seconds, max(0.0, span.left))
-    return seconds
+    spans = _spans(_span.get())
+    left = (each.left for each in spans if each.condition is None or each.condition())
+    return max(0.0, min(left, default=math.inf))
 
 
 def check() -> None:

@@ -46,11 +46,13 @@ def write_text(path: str | Path, text: str) -> Path:
 def write_bytes(path: str | Path, content: bytes) -> Path:
     """Write a binary file in the same way as `write_text`."""
     refuse_unwritable(path)
-    target = Path(path).resolve()
+    target = Path(path)
     try:
+        # The resolved name of a pipe, as behind /dev/stdout, is none that can be opened.
         if target.exists() and not target.is_file():
             target.write_bytes(content)
             return target
+        target = target.resolve()
         with hold_signals():
             target.parent.mkdir(parents=True, exist_ok=True)
             handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=STAGING)

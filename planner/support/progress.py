@@ -66,11 +66,8 @@ class _Run:
     def __init__(self, listener: Listener | None, outer: _Run | None) -> None:
         self.listener, self.outer = listener, outer
         self.began, self.doing = time.monotonic(), "preparing"
-        self.solves, self.iterations, self.best = 0, 0, None
-
-    solves: int
-    iterations: int
-    best: str | None
+        self.solves, self.iterations = 0, 0
+        self.best: str | None = None
 
     @property
     def now(self) -> Progress:

@@ -104,6 +104,30 @@ def test_ctrl_c_leaves_an_earlier_complete_result_in_its_place(
     assert {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()} == before
 
 
+@pytest.mark.parametrize("name", ["run", "run-partial"])
+def test_ctrl_c_while_drawing_keeps_the_data(
+    name: str, run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside the complete result of an earlier run, if there is one."""
+
+    def pressed(*_: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    out, words = tmp_path / name, (*WORDS, "--set", "limits={}", "--out", tmp_path / "run")
+    if name == "run-partial":
+        monkeypatch.setattr("planner.report.folders._write_figures", lambda *_: None)
+        assert run(*words).status == 0
+    monkeypatch.setattr("planner.report.folders._write_figures", pressed)
+    result = run(*words, "--report", "--json")
+    assert result.status == result.json["exit_status"] == 130
+    assert result.json["complete"] is False
+    assert result.json["written"] == str(out)
+    assert str(out) in result.err
+    assert planner.load_comparison(out).complete
+    assert {p.name for p in out.iterdir()} >= {"table.md", "replays.json", "plans"}
+    assert not (out / "report.html").exists()
+
+
 @pytest.mark.usefixtures("without_pictures")
 def test_ctrl_c_in_the_budgets_keeps_the_comparison(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import os
 import re
@@ -10,13 +11,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import pytest
 from command import main
 
 import planner
 from planner.cli.app import COMMANDS, load_command
+from planner.cli.output import add_common_options
 
 PAPER = Path(__file__).parents[2] / "problems/paper.toml"
 FAST = ("plan", PAPER, "-m", "polynomial", "--set", "goal.travel=0.82", "--set", "limits={}")
@@ -73,6 +75,49 @@ def test_quiet_and_verbose_exclude_each_other(command: list, run: Callable) -> N
     assert result.status == 2
     says = "planner: --quiet and --verbose contradict each other; give one of them\n"
     assert result.err == says
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_output_replaces_an_input(command: str, tmp_path: Path) -> None:
+    function, calls = load_command(command), list[dict]()
+
+    @functools.wraps(function)
+    def recorded(**options: Any) -> int:
+        calls.append(options)
+        return 0
+
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.touch()
+    link.symlink_to(file)
+    hints = get_type_hints(function)
+    named = {name for name, hint in hints.items() if "Path" in str(hint)}
+    for out in sorted(named & OUTPUTS):
+        for name in sorted(named - {out}):
+            several = "list" in str(hints[name])
+            with pytest.raises(planner.InputError, match=str(tmp_path)):
+                add_common_options(recorded)(**{out: link, name: [file] if several else file})
+    assert calls == []
+    assert add_common_options(recorded)(**dict.fromkeys(named - OUTPUTS, file)) == 0
+
+
+OUTPUTS = {"out", "figure", "export_to"}
+
+
+def test_a_file_is_not_written_over_itself(
+    refused: Callable, run: Callable, tmp_path: Path
+) -> None:
+    mine, machine = tmp_path / "mine.toml", tmp_path / "machine.toml"
+    assert run("new", mine).status == 0
+    machine.touch()
+    refused(["plan", mine, "--out", mine], "mine.toml")
+    refused(["motion", "homing", mine, "--out", mine], "mine.toml")
+    refused(["plan", mine, "--machine", machine, "--out", machine], "machine.toml: ")
+    refused(["identify", tmp_path / "r.csv", "--problem", mine, "-o", mine], "mine.toml")
+    refused(["identify", "r.csv", "-p", mine, "--from", machine, "-o", machine], "machine.toml: ")
+
+
+def test_an_empty_name_is_refused_by_its_option(refused: Callable) -> None:
+    refused(["plan", PAPER, "--out", ""], "--out")
 
 
 def test_the_next_command_names_the_file_as_it_was_given(

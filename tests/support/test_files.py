@@ -45,6 +45,16 @@ def test_a_pipe_is_written_to_not_replaced(tmp_path: Path) -> None:
     assert pipe.is_fifo()
 
 
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="needs the folder /dev/fd")
+def test_a_pipe_without_a_name_of_its_own_is_written_to() -> None:
+    """As behind `--out /dev/stdout | tail` and `--out >(tail)`."""
+    reader, writer = os.pipe()
+    write_text(f"/dev/fd/{writer}", "through")
+    assert os.read(reader, 100) == b"through"
+    os.close(reader)
+    os.close(writer)
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
 def test_a_full_device_is_named_and_left_alone() -> None:
     with pytest.raises(InputError, match="/dev/full: No space left"):

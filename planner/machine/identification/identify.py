@@ -326,7 +326,7 @@ def identify(
             fits the arm only with another sign, unit, order of columns or clock.
     """
     problem = problem_of(problem)
-    expect_listener(progress)
+    tell = expect_listener(progress)
     every = [logs] if isinstance(logs, Log) else list(logs)
     for log in every:
         expect_log(log)
@@ -347,7 +347,6 @@ def identify(
         known_row(log)  # raises if a joint does not move
         refuse_misfit(log, system)
     kept_out = every.pop() if len(every) > 1 else None
-    tell = progress or (lambda what, share: None)
     models = [LogModel(log, problem, parameters) for log in every]
     result = fit(models, parameters, starts, seed, tell)
     more = Parameters(preset, system, zeros=True)

@@ -37,7 +37,7 @@ def retime(
     (the duration is ∫ max|uᵢ|/limitᵢ over the plan). With limits on input rates too, the result is
     the optimum of a convex program (`planner.plan.fastest_timing`), 0.1 to 0.3 % above the least
     time with 400 intervals, and the motion stops at every corner of the path, where the ratio of
-    the inputs jumps.
+    the inputs jumps. Pauses of the plan are left out.
 
     Args:
         plan: A plan whose inputs exist at all times.
@@ -52,8 +52,8 @@ def retime(
         new duration.
 
     Raises:
-        InputError: If the plan is compensated, a moving input has no limit, `rest` is set without
-            rate limits, or a limit's key or value is wrong.
+        InputError: If the plan is compensated or does not move, a moving input has no limit, `rest`
+            is set without rate limits, or a limit's key or value is wrong.
         SingularError: If the plan is not executable.
         NotConvergedError: If the convex program is not solved.
         VerificationError: If the retimed plan breaks another requirement of the problem.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,11 +17,13 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly, CubicSpline
 
 import planner
-from planner.plan.fastest_timing import cut_path, fastest_clock
+from planner.plan.fastest_timing import CORNER_TOLERANCES, cut_path, fastest_clock
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
+from planner.support.calculus.bernstein import Bernstein
 
 SPEED = {"input_rad_s": [0.5, 0.4]}
 RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
+CORNER = CORNER_TOLERANCES[0]
 TOP, RATE = np.array([0.5, 0.4]), np.array([3.0, 2.0])
 
 
@@ -227,7 +229,7 @@ def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> Non
     length = arc_length(path, TOP, "euclid")
 
     def duration(intervals: int, rest: bool) -> float:
-        clock = fastest_clock(cut_path(path, length, TOP, intervals, rest), TOP, RATE)
+        clock = fastest_clock(cut_path(path, length, TOP, intervals, rest, CORNER), TOP, RATE)
         return float(clock.x[-1])
 
     coarse, fine, finer = (duration(n, rest=True) for n in (50, 200, 800))
@@ -264,7 +266,7 @@ def test_more_intervals_are_never_slower(seed: int, size: float) -> None:
     top, rate = 10 + rng.random(2) * 20, 10 + rng.random(2) * 2
     length = arc_length(path, top, "euclid")
     times = [
-        fastest_clock(cut_path(path, length, top, n, rest=True), top, rate).x[-1]
+        fastest_clock(cut_path(path, length, top, n, True, CORNER), top, rate).x[-1]
         for n in (100, 400, 1600)
     ]
     assert times[0] > times[1] > times[2] > 0.996 * times[1]
@@ -275,7 +277,7 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.travel": 0.835})
     plan = planner.solve(problem, "piecewise", slots=6)
     length = arc_length(plan.trajectory, TOP, "euclid")
-    stretch = cut_path(plan.trajectory, length, TOP, 60, rest=False)
+    stretch = cut_path(plan.trajectory, length, TOP, 60, False, CORNER)
     clock = fastest_clock(stretch, TOP, RATE)
     assert np.sum(stretch.stops) == 5
     np.testing.assert_allclose(stretch.stations[stretch.stops], plan.t[1:-1], atol=1e-12)
@@ -283,6 +285,70 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     speeds = np.max(np.abs(retimed.u(retimed.breaks)), axis=-1)
     assert np.all(speeds[stretch.stops] < 1e-9)
     assert np.sum(speeds < 1e-9) == 5
+
+
+def test_a_small_step_of_an_input_that_hardly_moves_at_first_is_a_corner() -> None:
+    """In this desensitised plan u₁ is 1e-7 rad/s for six seconds, and u₂ 1e-2 rad/s."""
+    start, goal = [9.511625353767883, -20.228714675586296], [5.113612260430724, -19.396907542344785]
+    problem = planner.Problem.manipulator(start, goal, duration=10.0)
+    plan = planner.solve(problem, "desensitised", rest=False)
+    assert planner.retime(plan, {"input_rate_rad_s2": 2.0}).verified
+
+
+# -- pauses --------------------------------------------------------------------------------------
+
+PAUSING = {"input_rad_s": 0.5}, {"input_rate_rad_s2": 2.0}
+
+
+def _pausing(pauses: list[int]) -> planner.Plan:
+    """θ₁ turns by 15° in each of two seconds, with pauses of whole seconds before, between, after
+    them."""
+    a = np.pi / 12
+    angles = np.repeat([0, a, 2 * a], np.add(pauses, 1))
+    count = len(angles) - 1
+    q, u = np.zeros((2, count, 3)), np.zeros((1, count, 2))
+    q[:, :, 1], u[:, :, 1] = [angles[:-1], angles[1:]], np.diff(angles)
+    problem = _turn().problem.changed({"goal.duration": float(count)})
+    breaks = np.arange(count + 1.0)
+    return by_hand(problem, BPoly(q, breaks), BPoly(u, breaks))
+
+
+@pytest.mark.parametrize("limits", PAUSING)
+@pytest.mark.parametrize("pauses", [[0, 2, 0], [1, 0, 3], [2, 1, 1]])
+def test_a_pause_takes_no_time(limits: dict[str, float], pauses: list[int]) -> None:
+    fast, without = (planner.retime(_pausing(each), limits) for each in (pauses, [0, 0, 0]))
+    assert fast.verified
+    assert fast.duration == pytest.approx(without.duration, rel=1e-12)
+    times = np.linspace(0, fast.duration, 50)
+    np.testing.assert_allclose(fast.q(times), without.q(times), rtol=0, atol=1e-12)
+    assert fast.notes["retimed_from_s"] == 2 + sum(pauses)
+
+
+@pytest.mark.parametrize("limits", PAUSING)
+def test_a_pause_in_the_chart_takes_no_time(limits: dict[str, float], smooth: planner.Plan) -> None:
+    path: Any = smooth.trajectory
+    z, v, x = path.z_curve.c, path.v_curve.c, path.breaks
+    still = np.broadcast_to(z[-1:, -1:], (len(z), 1, z.shape[2]))
+    later = np.append(x, x[-1] + 3.0)
+    z_curve = Bernstein(np.concatenate([z, still], axis=1), later)
+    v_curve = Bernstein(np.concatenate([v, np.zeros_like(v[:, :1])], axis=1), later)
+    problem = smooth.problem.changed({"goal.duration": float(later[-1])})
+    waiting = replace(path, z_curve=z_curve, v_curve=v_curve)
+    fast = planner.retime(planner.Plan(problem, "x", {}, waiting), limits)
+    assert isinstance(fast.trajectory, RetimedTrajectory)
+    assert fast.trajectory.path == path
+    assert fast.duration == planner.retime(smooth, limits).duration
+
+
+@pytest.mark.parametrize("limits", [None, {"input_rate_rad_s2": 2.0}])
+@pytest.mark.parametrize("motion", [planner.homing, planner.seating])
+def test_motions_that_pause_to_turn_back(
+    paper: planner.Problem, motion: Any, limits: dict[str, float] | None
+) -> None:
+    plan = motion(paper)
+    fast = planner.retime(plan, limits)
+    assert fast.verified
+    assert fast.duration < plan.duration
 
 
 # -- refusals ------------------------------------------------------------------------------------
@@ -302,6 +368,15 @@ def test_bad_limits(
 ) -> None:
     with pytest.raises(planner.InputError, match=message):
         planner.retime(smooth, limits, rest=rest)
+
+
+@pytest.mark.parametrize("limits", PAUSING)
+def test_a_plan_that_stays_has_nothing_to_retime(
+    paper: planner.Problem, limits: dict[str, float]
+) -> None:
+    there = paper.changed({"start.theta_deg": [9.0, 9.0, 9.0], "goal.theta_deg": [9.0, 9.0, 9.0]})
+    with pytest.raises(planner.InputError):
+        planner.retime(planner.solve(there), limits)
 
 
 def test_a_solver_that_fails_is_a_refusal(

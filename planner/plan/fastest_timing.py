@@ -17,7 +17,7 @@ compiler elsewhere.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -26,11 +26,11 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.optimize import linprog, minimize_scalar
 
-from planner.errors import NotConvergedError
+from planner.errors import InputError, NotConvergedError
 from planner.plan.measures import slowing_factor
 from planner.plan.quadrature import JUMP_TOLERANCE
-from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
-from planner.plan.trajectory import Trajectory
+from planner.plan.retimed import LENGTH_TOLERANCE, Inverse, Norm, RetimedTrajectory, arc_length
+from planner.plan.trajectory import ChainedTrajectory, StateTrajectory, Trajectory
 from planner.problem.conditions import Limits
 from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
@@ -45,9 +45,10 @@ _LIMIT_TOLERANCE = 1e-5
 """Share by which inputs and rates may exceed their limits anywhere before the limits are tightened
 there and the program is solved again. Slowing the whole motion removes the rest."""
 
-_CORNER_TOLERANCE = JUMP_TOLERANCE / 2
+CORNER_TOLERANCES = JUMP_TOLERANCE / 2, JUMP_TOLERANCE / 20, JUMP_TOLERANCE / 200
 """Change of direction at a node, in units of the limits, above which the node is a corner, where
-the motion stops. At smaller changes the inputs' step is too small to count as a jump."""
+the motion stops. At smaller changes the inputs' step is too small to count as a jump, unless that
+input is always much smaller than the other; then the next tolerance is tried."""
 
 _STRAIGHT_TOLERANCE = 1e-6
 """Total change of direction, in units of the limits, below which a path counts as straight."""
@@ -74,7 +75,7 @@ class PathIntervals:
 
 
 def cut_path(
-    path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
+    path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool, corner: float
 ) -> PathIntervals:
     """Return a path divided into about `intervals` intervals, finer where its direction changes.
 
@@ -84,20 +85,21 @@ def cut_path(
         scale: Scale of each input, shape (2,), as for `arc_length`.
         intervals: Approximate number of intervals.
         rest: Whether the motion starts and ends at rest.
+        corner: Change of direction, in units of the scale, above which a node is a corner.
     """
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
     share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT_TOLERANCE)
     counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
-    corners = _stop_nodes(rough / scale, rest)
+    corners = _stop_nodes(rough / scale, rest, corner)
     unit = [_graded_grid(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
     cuts = [a + (b - a) * x[:-1] for (a, b), x in zip(pairwise(edges), unit, strict=True)]
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
     # Inside a piece of the length the path is smooth, even where its direction changes fast.
-    stops = _stop_nodes(w / scale, rest) & np.isin(nodes, edges)
+    stops = _stop_nodes(w / scale, rest, corner) & np.isin(nodes, edges)
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
     edge = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
@@ -105,9 +107,9 @@ def cut_path(
     return PathIntervals(nodes, stations, stops, w, grid.derivative(w))
 
 
-def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
+def _stop_nodes(w: Array, rest: bool, corner: float) -> NDArray[np.bool_]:
     """Return whether a motion with directions w (M, D, 2) must stop at each node, shape (M+1,)."""
-    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER_TOLERANCE
+    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > corner
     return np.concatenate([[rest], jump, [rest]])
 
 
@@ -180,8 +182,7 @@ def _ceiling(stretch: PathIntervals, top: Array) -> Array:
     """Return the largest b at each node that respects the input limits (M, 2) of both adjacent
     intervals."""
     with np.errstate(divide="ignore"):
-        left = np.min((top / np.abs(stretch.w[:, 0])) ** 2, axis=-1)
-        right = np.min((top / np.abs(stretch.w[:, -1])) ** 2, axis=-1)
+        left, right = (np.min((top / np.abs(stretch.w[:, k])) ** 2, axis=-1) for k in (0, -1))
     return np.asarray(np.minimum(np.append(left, np.inf), np.append(np.inf, right)))
 
 
@@ -273,6 +274,26 @@ def _clock(nodes: Array, b: Array) -> Bernstein:
     return Bernstein(c, np.concatenate([[0.0], np.cumsum(times)]))
 
 
+def _without_pauses(path: Trajectory, scale: Array, norm: Norm) -> tuple[Trajectory, Bernstein]:
+    """Return the path without the pieces in which it stands still, and its length.
+
+    A pause takes no time in the fastest timing.
+
+    Raises:
+        InputError: If the path does not move.
+    """
+    while True:
+        length = arc_length(path, scale, norm)
+        moves = np.diff(length(path.breaks)) > LENGTH_TOLERANCE * length.c[-1, -1]
+        if not np.any(moves):
+            raise InputError("the plan does not move, so there is no motion to retime")
+        if np.all(moves) or not isinstance(path, ChainedTrajectory | StateTrajectory):
+            return path, length
+        curves = ((name, part) for name, part in vars(path).items() if isinstance(part, Bernstein))
+        moved: dict[str, Any] = {name: curve.only(moves) for name, curve in curves}
+        path = replace(path, **moved)
+
+
 InputMask = NDArray[np.bool_]
 
 
@@ -300,6 +321,7 @@ def fastest_motion(
         slowed the motion, whose timing is then not the fastest under those limits.
 
     Raises:
+        InputError: If the path does not move.
         NotConvergedError: If the program is not solved, or an input would jump although a
             requirement other than `limits` limits its rate.
     """
@@ -308,13 +330,16 @@ def fastest_motion(
     if np.any(np.isfinite(limits.input_rate[moving])):
         scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
         scale = np.where(moving & np.isfinite(scale), scale, 1.0)
-        length = arc_length(path, scale, "euclid")
-        stretch = cut_path(path, length, scale, intervals, rest)
-        clock = fastest_clock(stretch, limits.input, limits.input_rate)
-        trajectory = RetimedTrajectory(path, length, clock, stretch.stations)
+        path, length = _without_pauses(path, scale, "euclid")
+        for corner in CORNER_TOLERANCES:
+            stretch = cut_path(path, length, scale, intervals, rest, corner)
+            clock = fastest_clock(stretch, limits.input, limits.input_rate)
+            trajectory = RetimedTrajectory(path, length, clock, stretch.stations)
+            if np.isfinite(slowing_factor(requirements, trajectory)):
+                break
         notes: dict[str, Any] = {"stops": int(np.sum(stretch.stops[1:-1]))}
     else:
-        length = arc_length(path, np.where(moving, limits.input, 1.0), "max")
+        path, length = _without_pauses(path, np.where(moving, limits.input, 1.0), "max")
         edges = np.append(length.c[0], length.c[-1, -1])
         clock = Bernstein(np.stack([edges[:-1], edges[1:]]), edges)
         trajectory, notes = RetimedTrajectory(path, length, clock, length.x), {}

@@ -223,10 +223,7 @@ TERMS: dict[str, Term] = {
     "effort, not minimised": Term(f"{EFFORT} (not minimised by this method)", effort),
     "smoothness": Term("integral of (du1/dt)^2 + (du2/dt)^2 dt", smoothness, (0, 0, 0, 1, 1)),
     "closeness": Term("mean closeness to the domain's edge", closeness, (0, 0, 0, 0, 0, 1)),
-    "least duration": Term(
-        "the least for this path, in seconds",
-        lambda trajectory: trajectory.duration,
-    ),
+    "least duration": Term("the least for this path, in seconds", lambda curve: curve.duration),
     "slowed duration": Term(
         "the least within input limits, slowed as a whole for other limits, in seconds",
         lambda trajectory: trajectory.duration,

@@ -220,8 +220,7 @@ class RetimedTrajectory(Trajectory):
 
     def time_of(self, sigma: ArrayLike) -> Array:
         """Return the times (…) at which the path's own time is σ (…)."""
-        k = np.searchsorted(self.stations, sigma, "right") - 1
-        k = np.clip(k, 0, len(self.clock.x) - 2)
+        k = np.searchsorted(self.stations[1:-1], sigma, "right")
         s, low, high = self.length(sigma), self.clock.x[k], self.clock.x[k + 1]
         for _ in range(60):  # bisection, to rounding
             middle = (low + high) / 2
@@ -278,9 +277,8 @@ def arc_length(path: Trajectory, scale: Array, norm: Norm) -> Bernstein:
     """
 
     def speed(sigma: Array) -> Array:
-        scaled = np.abs(path.u(sigma)) / scale
-        size = np.max(scaled, axis=-1) if norm == "max" else np.linalg.norm(scaled, axis=-1)
-        return np.asarray(size)
+        order = np.inf if norm == "max" else 2
+        return np.asarray(np.linalg.norm(path.u(sigma) / scale, order, axis=-1))
 
     samples = sample_times(path.breaks)
     mean = float(np.mean(speed(samples)))

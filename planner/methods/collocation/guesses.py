@@ -295,12 +295,9 @@ def rebalance(job: Task, iterate: Iterate) -> tuple[Task, Iterate] | None:
     edges = np.interp(job.mesh.edges, old, new)
     mesh = Mesh(edges, job.mesh.marks)
     pace = np.diff(job.mesh.edges) / np.diff(edges)
-    form = job.nlp.form
-    factor = pace[:, None]
-    if len(iterate.inputs) != len(pace):
-        factor = np.append(pace, pace[-1])[:, None]
+    factor = np.append(pace, pace[-1])[: len(iterate.inputs), None]
     motion = replace(iterate, inputs=iterate.inputs * factor)
-    fresh = task(job.problem, job.objective, form, mesh, job.demands, job.settings)
+    fresh = task(job.problem, job.objective, job.nlp.form, mesh, job.demands, job.settings)
     return fresh, motion
 
 

@@ -87,7 +87,8 @@ class Pipeline:
         options: Options of the method.
         record: Keeps what is found on the way.
         near: Candidates near an existing plan, the first stage.
-        stages: Which stages to run: those before slower motions and ladder come first.
+        stages: Which stages to run: those before slower motions and ladder come first. Motions
+            through waypoints with times cannot be slowed, so the last stages are then all.
         paths: Paths by route, found so far; they do not depend on the duration.
     """
 
@@ -143,17 +144,19 @@ class Pipeline:
         search is repeated with a free duration, and its motion is slowed down. With a free duration
         the ladder follows, which finds paths of long arms where all guesses fail.
         """
-        if self.stages != "last":
+        timed = any(point.time_s is not None for point in self.routes[0].waypoints)
+        if self.stages != "last" or timed:
             yield self._near_motions
             if self.options.start in ("auto", "straight"):
                 yield self._straight_motions
             yield self._path_motions
         if self.stages == "first":
             return
-        if self.routes[0].duration is not None:
+        if self.routes[0].duration is None:
+            if self._free:
+                yield self._ladder_motions
+        elif not timed:
             yield self._slower_motions
-        elif self._free:
-            yield self._ladder_motions
 
     def _near_motions(self) -> list[Candidate]:
         """Return the motions near an existing plan."""
@@ -283,8 +286,6 @@ class Pipeline:
     def _slower_motions(self) -> list[Candidate]:
         """Return the fastest motion, slowed to the given duration: only slowed, and optimised."""
         target, limits = self.routes[0].duration, self.routes[0].limits
-        if any(point.time_s is not None for point in self.routes[0].waypoints):
-            return []
         assert target is not None
         free = [replace(problem, duration=None) for problem in self.routes]
         kind = "time" if np.isfinite(limits.input).all() else "mixed"

@@ -136,6 +136,10 @@ class Bernstein(Frozen):
             return Bernstein(self.c[::-1, ::-1] * gain, (self.x[::-1] - self.x[-1]) * factor)
         return Bernstein(self.c * gain, self.x * factor)
 
+    def only(self, which: NDArray[np.bool_]) -> Bernstein:
+        """Return the pieces of a mask, one right after another from 0."""
+        return Bernstein(self.c[:, which], np.append(0.0, np.cumsum(self._width[which])))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the breaks and the coefficients as JSON-ready data.
 

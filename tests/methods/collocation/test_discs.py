@@ -21,7 +21,8 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.problem.free_space import find_way, is_blocked
 from planner.problem.tables.method_options import CollocationOptions
 
-POST = planner.load_problem(Path(__file__).parents[3] / "problems/obstacle.toml")
+PROBLEMS = Path(__file__).parents[3] / "problems"
+POST = planner.load_problem(PROBLEMS / "obstacle.toml")
 THIN = 0.746
 """Effort of the best motion known that passes a post of no thickness."""
 
@@ -237,3 +238,13 @@ def test_posts_within_others_and_beside_the_way_change_nothing() -> None:
     assert plan.verified
     assert (plan.objective, plan.iterations) == (alone.objective, alone.iterations)
     assert [disc.number for disc in plan.problem.obstacles] == [1, 2, 3, 4]
+
+
+def test_a_post_beside_a_waypoint_that_comes_too_soon_is_no_crash() -> None:
+    """No slower motion can help, as the waypoint has its time."""
+    soon = {"waypoints": [{"theta_deg": [40, "free", "free"], "time": 0.5}]}
+    far = {"obstacles": [{"centre_m": [-1.0, -1.0], "radius_m": 0.1}]}
+    problem = planner.load_problem(PROBLEMS / "waypoint.toml", {**soon, **far})
+    with pytest.raises(planner.NotConvergedError) as caught:
+        planner.solve(problem)
+    assert caught.value.changes

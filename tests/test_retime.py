@@ -17,13 +17,12 @@ from scipy.integrate import quad
 from scipy.interpolate import BPoly, CubicSpline
 
 import planner
-from planner.plan.fastest_timing import CORNER_TOLERANCES, cut_path, fastest_clock
+from planner.plan.fastest_timing import cut_path, fastest_clock
 from planner.plan.retimed import Inverse, RetimedTrajectory, arc_length
 from planner.support.calculus.bernstein import Bernstein
 
 SPEED = {"input_rad_s": [0.5, 0.4]}
 RATES = {"input_rad_s": [0.5, 0.4], "input_rate_rad_s2": [3.0, 2.0]}
-CORNER = CORNER_TOLERANCES[0]
 TOP, RATE = np.array([0.5, 0.4]), np.array([3.0, 2.0])
 
 
@@ -229,7 +228,7 @@ def test_rest_costs_time_and_finer_is_hardly_faster(smooth: planner.Plan) -> Non
     length = arc_length(path, TOP, "euclid")
 
     def duration(intervals: int, rest: bool) -> float:
-        clock = fastest_clock(cut_path(path, length, TOP, intervals, rest, CORNER), TOP, RATE)
+        clock = fastest_clock(cut_path(path, length, TOP, intervals, rest), TOP, RATE)
         return float(clock.x[-1])
 
     coarse, fine, finer = (duration(n, rest=True) for n in (50, 200, 800))
@@ -266,7 +265,7 @@ def test_more_intervals_are_never_slower(seed: int, size: float) -> None:
     top, rate = 10 + rng.random(2) * 20, 10 + rng.random(2) * 2
     length = arc_length(path, top, "euclid")
     times = [
-        fastest_clock(cut_path(path, length, top, n, True, CORNER), top, rate).x[-1]
+        fastest_clock(cut_path(path, length, top, n, True), top, rate).x[-1]
         for n in (100, 400, 1600)
     ]
     assert times[0] > times[1] > times[2] > 0.996 * times[1]
@@ -277,7 +276,7 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.travel": 0.835})
     plan = planner.solve(problem, "piecewise", slots=6)
     length = arc_length(plan.trajectory, TOP, "euclid")
-    stretch = cut_path(plan.trajectory, length, TOP, 60, False, CORNER)
+    stretch = cut_path(plan.trajectory, length, TOP, 60, False)
     clock = fastest_clock(stretch, TOP, RATE)
     assert np.sum(stretch.stops) == 5
     np.testing.assert_allclose(stretch.stations[stretch.stops], plan.t[1:-1], atol=1e-12)
@@ -285,14 +284,6 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     speeds = np.max(np.abs(retimed.u(retimed.breaks)), axis=-1)
     assert np.all(speeds[stretch.stops] < 1e-9)
     assert np.sum(speeds < 1e-9) == 5
-
-
-def test_a_small_step_of_an_input_that_hardly_moves_at_first_is_a_corner() -> None:
-    """In this desensitised plan u₁ is 1e-7 rad/s for six seconds, and u₂ 1e-2 rad/s."""
-    start, goal = [9.511625353767883, -20.228714675586296], [5.113612260430724, -19.396907542344785]
-    problem = planner.Problem.manipulator(start, goal, duration=10.0)
-    plan = planner.solve(problem, "desensitised", rest=False)
-    assert planner.retime(plan, {"input_rate_rad_s2": 2.0}).verified
 
 
 # -- pauses --------------------------------------------------------------------------------------

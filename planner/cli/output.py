@@ -457,8 +457,6 @@ def add_common_options(command: Command) -> Command:
             setattr(manner, name, options.pop(name, False))
         if manner.quiet and manner.verbose:
             raise InputError("--quiet and --verbose contradict each other; give one of them")
-        if "" in manner.words and Path() in options.values():
-            raise InputError(f"the word after {manner.words[manner.words.index('') - 1]} is empty")
         _refuse_own_input(options)
         start = time.monotonic()
         if manner.verbose:

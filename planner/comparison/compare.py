@@ -23,6 +23,7 @@ from planner.errors import (
     UntrackableError,
     VerificationError,
     Violation,
+    expect_number,
 )
 from planner.machine.feedback.run_up import hindrance
 from planner.machine.feedforward.legs import compensable
@@ -102,8 +103,7 @@ def compare(
     chosen = None if isinstance(samples, int) else tuple(numbers.tolist())
     if by not in FIGURES:
         raise InputError(f"by = {by!r}: must be one of {', '.join(FIGURES)}")
-    if not threshold_deg >= 0:
-        raise InputError(f"threshold_deg = {threshold_deg}: must be degrees, at least 0")
+    expect_number("threshold_deg", threshold_deg, "degrees, at least 0", 0)
     closed = [spec for spec in requests if feedback or replace(spec, feedback=True) in named]
     closed = closed[-1:] if methods is None else closed
     run = _ComparisonRun(

@@ -389,8 +389,7 @@ def sample_numbers(samples: int | Sequence[int]) -> NDArray[np.int64]:
         raise InputError(f"samples = {samples}: at most {MOST_MACHINES} machines")
     numbers = np.arange(samples) if isinstance(samples, int | np.integer) else np.asarray(samples)
     whole = numbers.ndim == 1 and numbers.size > 0 and numbers.dtype.kind in "iu"
-    whole &= not isinstance(samples, bool)
-    if not whole or numbers.min() < 0:
+    if not whole or isinstance(samples, bool) or numbers.min() < 0:
         raise InputError(
             f"samples = {samples}: give a number of samples (at least 1), or a list of sample"
             " numbers from 0"

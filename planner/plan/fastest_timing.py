@@ -45,10 +45,9 @@ _LIMIT_TOLERANCE = 1e-5
 """Share by which inputs and rates may exceed their limits anywhere before the limits are tightened
 there and the program is solved again. Slowing the whole motion removes the rest."""
 
-CORNER_TOLERANCES = JUMP_TOLERANCE / 2, JUMP_TOLERANCE / 20, JUMP_TOLERANCE / 200
+_CORNER_TOLERANCE = JUMP_TOLERANCE / 2
 """Change of direction at a node, in units of the limits, above which the node is a corner, where
-the motion stops. At smaller changes the inputs' step is too small to count as a jump, unless that
-input is always much smaller than the other; then the next tolerance is tried."""
+the motion stops. At smaller changes the inputs' step is too small to count as a jump."""
 
 _STRAIGHT_TOLERANCE = 1e-6
 """Total change of direction, in units of the limits, below which a path counts as straight."""
@@ -75,7 +74,7 @@ class PathIntervals:
 
 
 def cut_path(
-    path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool, corner: float
+    path: Trajectory, length: Bernstein, scale: Array, intervals: int, rest: bool
 ) -> PathIntervals:
     """Return a path divided into about `intervals` intervals, finer where its direction changes.
 
@@ -85,21 +84,20 @@ def cut_path(
         scale: Scale of each input, shape (2,), as for `arc_length`.
         intervals: Approximate number of intervals.
         rest: Whether the motion starts and ends at rest.
-        corner: Change of direction, in units of the scale, above which a node is a corner.
     """
     edges = np.append(length.c[0], length.c[-1, -1])
     rough = _directions(path, length, Grid(edges))
     turning = np.sum(np.linalg.norm(np.diff(rough / scale, axis=1), axis=-1), axis=1)
     share = np.diff(edges) / edges[-1] + turning / max(float(np.sum(turning)), _STRAIGHT_TOLERANCE)
     counts = np.maximum(2, np.ceil(0.5 * intervals * share)).astype(int)
-    corners = _stop_nodes(rough / scale, rest, corner)
+    corners = _stop_nodes(rough / scale, rest)
     unit = [_graded_grid(n, *ends) for n, ends in zip(counts, pairwise(corners), strict=True)]
     cuts = [a + (b - a) * x[:-1] for (a, b), x in zip(pairwise(edges), unit, strict=True)]
     nodes = np.concatenate([*cuts, edges[-1:]])
     grid = Grid(nodes)
     w = _directions(path, length, grid)
     # Inside a piece of the length the path is smooth, even where its direction changes fast.
-    stops = _stop_nodes(w / scale, rest, corner) & np.isin(nodes, edges)
+    stops = _stop_nodes(w / scale, rest) & np.isin(nodes, edges)
     k = np.minimum(np.searchsorted(edges, nodes, side="right") - 1, len(edges) - 2)
     sigma = Inverse(length)(nodes, length.x[k], length.x[k + 1])
     edge = np.minimum(np.searchsorted(edges, nodes), len(edges) - 1)
@@ -107,9 +105,9 @@ def cut_path(
     return PathIntervals(nodes, stations, stops, w, grid.derivative(w))
 
 
-def _stop_nodes(w: Array, rest: bool, corner: float) -> NDArray[np.bool_]:
+def _stop_nodes(w: Array, rest: bool) -> NDArray[np.bool_]:
     """Return whether a motion with directions w (M, D, 2) must stop at each node, shape (M+1,)."""
-    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > corner
+    jump = np.linalg.norm(w[1:, 0] - w[:-1, -1], axis=-1) > _CORNER_TOLERANCE
     return np.concatenate([[rest], jump, [rest]])
 
 
@@ -331,12 +329,9 @@ def fastest_motion(
         scale = np.where(np.isfinite(limits.input), limits.input, limits.input_rate)
         scale = np.where(moving & np.isfinite(scale), scale, 1.0)
         path, length = _without_pauses(path, scale, "euclid")
-        for corner in CORNER_TOLERANCES:
-            stretch = cut_path(path, length, scale, intervals, rest, corner)
-            clock = fastest_clock(stretch, limits.input, limits.input_rate)
-            trajectory = RetimedTrajectory(path, length, clock, stretch.stations)
-            if np.isfinite(slowing_factor(requirements, trajectory)):
-                break
+        stretch = cut_path(path, length, scale, intervals, rest)
+        clock = fastest_clock(stretch, limits.input, limits.input_rate)
+        trajectory = RetimedTrajectory(path, length, clock, stretch.stations)
         notes: dict[str, Any] = {"stops": int(np.sum(stretch.stops[1:-1]))}
     else:
         path, length = _without_pauses(path, np.where(moving, limits.input, 1.0), "max")

@@ -23,7 +23,7 @@ import peers_theirs as theirs
 from scipy.interpolate import CubicSpline
 
 import planner
-from planner.plan.fastest_timing import CORNER_TOLERANCES, cut_path, fastest_clock
+from planner.plan.fastest_timing import cut_path, fastest_clock
 from planner.plan.retimed import arc_length
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.report.result_folder import folder
@@ -177,7 +177,7 @@ def timing(seed: int) -> tuple[float, float]:
 
     def fastest() -> float:
         length = arc_length(path, speed, "euclid")
-        cut = cut_path(path, length, speed, theirs.GRID, True, CORNER_TOLERANCES[0])
+        cut = cut_path(path, length, speed, theirs.GRID, rest=True)
         return float(fastest_clock(cut, speed, rate).x[-1])
 
     return timed(fastest)

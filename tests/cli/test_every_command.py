@@ -116,10 +116,6 @@ def test_a_file_is_not_written_over_itself(
     refused(["identify", "r.csv", "-p", mine, "--from", machine, "-o", machine], "machine.toml: ")
 
 
-def test_an_empty_name_is_refused_by_its_option(refused: Callable) -> None:
-    refused(["plan", PAPER, "--out", ""], "--out")
-
-
 def test_the_next_command_names_the_file_as_it_was_given(
     run: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

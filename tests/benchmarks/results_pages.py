@@ -22,7 +22,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
 
-PLANS = ("systems", "problem", "plan", "methods", "verification", "solve.py")
+PLANS = (
+    *("systems", "problem", "plan", "methods", "verification", "solve.py"),
+    *("support", "errors.py"),
+)
 """What every plan depends on, in planner/."""
 MACHINES = (*PLANS, "machine", "compensation.py")
 COMPARISONS = (*MACHINES, "comparison")
@@ -45,8 +48,9 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "gallery": (*COMPARISONS, "robustness", "report/figures", "docs/gallery.md"),
     "identification": (*MACHINES, "tests/benchmarks/identification.py"),
     "judging": (
-        *PLANS,
-        *(f"tests/benchmarks/{k}.py" for k in ("judged", "judging", "stress_problems")),
+        *(*PLANS, "retime.py"),
+        *(f"tests/benchmarks/{k}.py" for k in ("judged", "judging", "outside_judge")),
+        "tests/benchmarks/stress_problems.py",
     ),
     "map": (*PLANS, "tests/benchmarks/goal_map.py"),
     "mutants": (

@@ -1,10 +1,11 @@
-"""Fingerprints of the plans of all problem files: a move of code must not change one bit.
+"""Fingerprints of plans and replays of all problem files: a move of code must not change one bit.
 
     python tests/benchmarks/same_plans.py before.json             # on the version before
     python tests/benchmarks/same_plans.py --against before.json   # on this one
 
-For each problem and method: a hash of q(t) and u(t) at 1001 times and the objective, or the kind of
-refusal. The bits depend on the machine and its libraries, so they are compared where they were
+For each problem and method: a hash of q(t) and u(t) at 1001 times and of the replays of eight
+machines, without and with feedback, and the objective, or the kind of refusal. The bits depend on
+the machine and its libraries, so they are compared where they were
 made, never kept. Across processors an answer is a plan on all or the same refusal, and objectives
 agree; NumPy and SciPy take the arithmetic of another processor where OPENBLAS_CORETYPE names it:
 
@@ -15,6 +16,7 @@ agree; NumPy and SciPy take the arithmetic of another processor where OPENBLAS_C
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
@@ -44,6 +46,8 @@ LOOSE = {
     "z2-singular desensitised": 1e-3,
 }
 
+MACHINES = 8
+
 LIMIT_S = 600.0
 """Ten times the usual limit: a search that is slower on one processor is no other answer."""
 
@@ -57,8 +61,11 @@ def answer(problem: planner.Problem, method: str) -> Answer:
     except planner.PlannerError as error:
         return {"refused": type(error).__name__}
     t = np.linspace(0.0, plan.duration, 1001)
-    whole = np.ascontiguousarray(np.hstack([plan.q(t), plan.u(t)]))
-    return {"objective": plan.objective, "bits": hashlib.sha256(whole.tobytes()).hexdigest()[:16]}
+    whole = np.ascontiguousarray(np.hstack([plan.q(t), plan.u(t)])).tobytes()
+    for feedback in (False, True):
+        with contextlib.suppress(planner.PlannerError):  # not every plan can be tracked
+            whole += planner.replay(plan, samples=MACHINES, feedback=feedback).q.tobytes()
+    return {"objective": plan.objective, "bits": hashlib.sha256(whole).hexdigest()[:16]}
 
 
 def difference(before: Answer, now: Answer, within: float | None) -> str:

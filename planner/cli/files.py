@@ -78,7 +78,7 @@ def export(
     Examples:
       planner export plan.json --out plan.csv
       planner export plan.json --slow 10 --out first.csv
-      planner export plan.json --format mat --out plan.mat
+      planner export plan.json --format matlab --out plan.mat
       planner plan arm.toml --set limits.input_rate_rad_s2=2.0 --out rest.json
       planner export rest.json --format ros2 --joints disk,joint1 --out ros.yaml
       planner export rest.json --joints theta1,theta2,theta3 --out arm.yaml

@@ -111,7 +111,7 @@ FORMATS: dict[str, Format] = {
         ),
         options=("rate_hz", "joint_names", "slow"),
     ),
-    "mat": Format(
+    "matlab": Format(
         "MATLAB: as csv, with names of coordinates and inputs, and facts of the plan",
         (".mat",),
         lambda plan, options: _mat(slowed(plan, options.slow), options.rate_hz),
@@ -234,19 +234,19 @@ def _refuse_options(name: str, options: ExportOptions) -> None:
 
 
 def find_format(path: str | Path, format: str | None) -> str:
-    """Return `format`, checked, or if it is None the format that the path's ending names.
+    """Return the format of a name or an ending; if it is None, that of the path's ending.
 
     Raises:
         InputError: If there is no such format.
     """
+    endings = {ending: name for name, one in FORMATS.items() for ending in one.endings}
+    ending = Path(path).suffix.lower() if format is None else f".{format}"
+    format = endings.get(ending, format)
     if format is None:
-        endings = {ending: name for name, one in FORMATS.items() for ending in one.endings}
-        format = endings.get(Path(path).suffix.lower())
-        if format is None:
-            raise InputError(
-                f"the ending of {path} is not that of a format ({', '.join(endings)}); name the"
-                f" format with --format: {', '.join(FORMATS)}"
-            )
+        raise InputError(
+            f"the ending of {path} is not that of a format ({', '.join(endings)}); name the"
+            f" format with --format: {', '.join(FORMATS)}"
+        )
     if format not in FORMATS:
         raise InputError(f"no format '{format}'; {allowed_hint(format, list(FORMATS))}")
     return format

@@ -22,7 +22,7 @@ from planner import load_samples
 from planner.plan.plan_file import plan_schema
 from planner.plan.samples import held_miss, sample
 from planner.problem.tables.kinds import json_schema
-from planner.report.export import FORMATS, Format
+from planner.report.export import FORMATS, Format, find_format
 from planner.report.figures.style import curves
 
 ROOT = Path(__file__).parents[2]
@@ -381,6 +381,11 @@ def test_a_format_is_one_entry(
         planner.export(law, tmp_path / "x.dat")
     with pytest.raises(planner.InputError, match="'ends'"):
         planner.export(law, tmp_path / "x.dat", "end")
+
+
+@pytest.mark.parametrize("word", ["matlab", "mat"])
+def test_a_format_is_named_by_its_name_or_its_ending(word: str) -> None:
+    assert find_format("a.bin", word) == find_format("a.mat", None) == "matlab"
 
 
 def test_no_ending_means_two_formats() -> None:

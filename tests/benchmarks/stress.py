@@ -152,7 +152,8 @@ HEAD = """# Random problems
 
 {done} of {asked} problems are done: arms with two to six joints in five families,
 a third each plain, with narrow joint limits and with a given duration, and trailers, ball gears and
-custom systems (seed {seed}; how they are drawn: `tests/benchmarks/stress_problems.py`). By number of joints and
+custom systems (seed {seed}; how they are drawn: `tests/benchmarks/stress_problems.py`).
+By number of joints and
 system: {groups}.
 
 Method: collocation with its defaults but no time limit (by default 60 CPU s), all by one

@@ -146,7 +146,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"link_inertia_kgm2": [0.1, 0.2]}, ["has 2 values, but needs one, or 3 for joints 1"]),
     ({"step_s": 0.1}, ["'machine.step_s' = 0.1", "at most 0.01"]),
     ({"step_s": 1e-9}, ["'machine.step_s' = 1e-09", "at least 1e-06"]),
-    ({"control_period_s": 1e-9}, ["control_period_s", ">= 1e-05"]),
+    ({"control_period_s": 1e-9}, ["control_period_s", "> 1e-05", "false switches it off"]),
     ({"preset": "prototyp"}, ["'machine.preset' = 'prototyp'", "'prototype' or 'ideal'"]),
 ]
 

@@ -238,7 +238,7 @@ class MachineTable(Table):
     """How far plans for this machine can be believed, if it was identified."""
 
     control_period_s: Annotated[
-        Setting, Effect("s", "machine", low=1e-5, high=1, may_spread=False)
+        Setting, Effect("s", "machine", low=1e-5, high=1, positive=True, may_spread=False)
     ] = None
     """Sample and hold: period in seconds at which the command is read."""
     delay_s: Annotated[Setting, Effect("s", "machine", high=1)] = None

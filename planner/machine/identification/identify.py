@@ -63,9 +63,9 @@ PRIOR_SHARE = 0.9
 """Fraction of its prior's deviation that a parameter keeps if the logs hardly determine it."""
 
 END_SHARE = 5.4
-"""Multiple of a kept-out run's error (rms) within which 32 of 45 ends of compensated plans lie
-on the 15 arms of results/truths that are not of the model's class (34 when it was chosen). With
-2.13, which covered 34 of 44 on other arms, it is 11 of them."""
+"""Multiple of a kept-out run's error (rms) within which 34 of 45 ends of compensated plans lie
+on the 15 arms of results/truths that are not of the model's class. With 2.13, which covered 34 of
+44 on other arms, it is 14 of them."""
 
 
 @dataclass(frozen=True)

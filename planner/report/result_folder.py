@@ -43,18 +43,20 @@ def refuse_unwritable_folder(path: str | Path | None) -> None:
     if path is None:
         return
     target = possible_path(path)
-    kind = None
+    found = None
     with suppress(OSError):  # asked once: another command may be replacing the folder
-        kind = target.stat().st_mode
-    if kind is not None and stat.S_ISDIR(kind):
+        found = target.stat()
+    if found is not None and stat.S_ISDIR(found.st_mode):
         if target.resolve() == Path.cwd():
             raise InputError(f"{target} is the current folder; name another folder")
         with suppress(FileNotFoundError):
-            if (names := {each.name for each in target.iterdir()}) and MARKER not in names:
+            names = {each.name for each in target.iterdir()}
+            # One that was taken away while its names were read may have lost some.
+            if names and MARKER not in names and os.path.samestat(found, target.stat()):
                 raise InputError(
                     f"{target} holds files that are not from an earlier run; name another folder"
                 )
-    elif kind is not None:
+    elif found is not None:
         raise InputError(f"{target} is a file; name a folder")
     refuse_ground(target)
 
@@ -102,8 +104,7 @@ def list_file(file: Path) -> None:
     with suppress(FileNotFoundError), open(file.parent / MARKER, "r+b") as marker:
         name = _name(file, file.parent)
         others = [line for line in marker if line[DIGEST_LENGTH:] != name]
-        marker.seek(0)
-        marker.truncate()
+        marker.truncate(marker.seek(0))
         marker.writelines([*others, _line(file, file.parent)])
 
 

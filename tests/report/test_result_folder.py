@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -178,6 +179,25 @@ def test_many_commands_may_write_one_folder_at_once(tmp_path: Path) -> None:
     names = {"a", "b", MARKER, "notes", *(f"notes/{k}" for k in range(20))}
     assert listing(target) == names
     assert [p.name for p in target.parent.iterdir()] == ["run"]
+
+
+def test_a_folder_that_is_replaced_while_it_is_looked_at_is_nobody_elses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its names are read when the other command has taken away its list, but not yet the rest."""
+    target, real = tmp_path / "run", Path.iterdir
+    write(target, table="old")
+    (target / "mine").write_text("mine")
+
+    def overtaken(path: Path) -> Iterator[Path]:
+        monkeypatch.undo()
+        write(target, table="new")
+        return (each for each in real(path) if each.name != MARKER)
+
+    monkeypatch.setattr(Path, "iterdir", overtaken)
+    write(target, table="last")
+    assert (target / "table").read_text() == "last"
+    assert (target / "mine").read_text() == "mine"
 
 
 def test_one_whose_folder_is_taken_tries_again(

@@ -265,7 +265,7 @@ def test_more_intervals_are_never_slower(seed: int, size: float) -> None:
     top, rate = 10 + rng.random(2) * 20, 10 + rng.random(2) * 2
     length = arc_length(path, top, "euclid")
     times = [
-        fastest_clock(cut_path(path, length, top, n, True), top, rate).x[-1]
+        fastest_clock(cut_path(path, length, top, n, rest=True), top, rate).x[-1]
         for n in (100, 400, 1600)
     ]
     assert times[0] > times[1] > times[2] > 0.996 * times[1]
@@ -276,7 +276,7 @@ def test_stops_at_corners(unlimited: planner.Problem) -> None:
     problem = unlimited.changed({"goal.travel": 0.835})
     plan = planner.solve(problem, "piecewise", slots=6)
     length = arc_length(plan.trajectory, TOP, "euclid")
-    stretch = cut_path(plan.trajectory, length, TOP, 60, False)
+    stretch = cut_path(plan.trajectory, length, TOP, 60, rest=False)
     clock = fastest_clock(stretch, TOP, RATE)
     assert np.sum(stretch.stops) == 5
     np.testing.assert_allclose(stretch.stations[stretch.stops], plan.t[1:-1], atol=1e-12)

@@ -23,8 +23,14 @@ ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results"
 
 PLANS = (
-    *("systems", "problem", "plan", "methods", "verification", "solve.py"),
-    *("support", "errors.py"),
+    "systems",
+    "problem",
+    "plan",
+    "methods",
+    "verification",
+    "solve.py",
+    "support",
+    "errors.py",
 )
 """What every plan depends on, in planner/."""
 MACHINES = (*PLANS, "machine", "compensation.py")
@@ -49,8 +55,10 @@ DEPENDENCIES: dict[str, tuple[str, ...]] = {
     "identification": (*MACHINES, "tests/benchmarks/identification.py"),
     "judging": (
         *(*PLANS, "retime.py"),
-        *(f"tests/benchmarks/{k}.py" for k in ("judged", "judging", "outside_judge")),
-        "tests/benchmarks/stress_problems.py",
+        *(
+            f"tests/benchmarks/{k}.py"
+            for k in ("judged", "judging", "outside_judge", "stress_problems")
+        ),
     ),
     "map": (*PLANS, "tests/benchmarks/goal_map.py"),
     "mutants": (

@@ -49,8 +49,7 @@ REFINING_SHARE = 0.6
 """Share of the remaining time for refinement; then the best result so far is used."""
 
 SIDE_SHARE = 0.01
-"""Share of the greatest excess by which a limit is tightened where it is kept, since a motion that
-moves in one place moves a little everywhere."""
+"""Share of the greatest excess by which a limit is tightened where it is kept: motions move."""
 
 
 class Exactness(IntEnum):
@@ -61,8 +60,7 @@ class Exactness(IntEnum):
     SOLVED = 1
     """All rows of the programme hold at the points of the mesh."""
     ACCEPTED = 2
-    """The true motion ends near the goal, and limits hold between the nodes to `verify`'s
-    tolerance."""
+    """The true motion ends near the goal and keeps limits between the nodes, as `verify` asks."""
     EXACT = 3
     """The true motion has the required accuracy, and no limit is broken between the nodes."""
 

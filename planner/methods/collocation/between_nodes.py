@@ -19,15 +19,13 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""Largest difference between interpolant and true motion at any time, as a multiple of the largest
-difference allowed at the end."""
+"""Largest difference between interpolant and true motion, as a multiple of that at the end."""
 
 DRAWN_IN_SLACK = 1e-7
 """Additional amount, relative to a limit, by which a broken limit is tightened."""
 
 CUBIC_BULGE = 0.0642
-"""Largest distance between a cubic and the parabola through three even samples of it, as a multiple
-of the third difference of the samples."""
+"""Largest distance of a cubic from the parabola through three samples, in third differences."""
 
 LARGEST_STEP, MAX_PARTS = 0.5, 100
 """Largest move of a link between two samples, in radii of a disc; and the largest number of parts

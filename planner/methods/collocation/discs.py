@@ -2,9 +2,10 @@
 
 A way through the free joint space, which ignores the kinematics, leads from corner to corner with
 room around each (`find_way`). From each corner to the next a path is found from the usual first
-guesses; the first path that clears all discs is enough. The legs are joined, shortened and timed.
-Meanwhile discs grow in each interval of the mesh up to a share of their distance from the links,
-and an interval in which links pass over a disc is halved, so that links stay on their side.
+guesses; the first path that clears all discs is enough. The legs are joined and shortened.
+Meanwhile, and when a path is timed, discs grow in each interval of the mesh up to a share of their
+distance from the links, and an interval in which links pass over a disc is halved, so that links
+stay on their side.
 
 Links could pass over thin discs between two nodes. So motions are searched with thick discs
 (`thicknesses`) and then solved with thinner and thinner ones: a motion that clears a thick disc
@@ -15,13 +16,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from planner.methods.collocation.between_nodes import clears, inspect
-from planner.methods.collocation.guesses import Seed
+from planner.methods.collocation.guesses import seeds
 from planner.methods.collocation.path import Enough, needed_duration, path_task, search
 from planner.methods.collocation.task import Solution, Task, stretch_to, transfer
 from planner.methods.collocation.transcription.form import Mesh, fastest
@@ -34,9 +35,8 @@ from planner.support.arrays import Array
 from planner.systems.triangular_system import PlanarArm
 
 THICKNESSES = 0.025 / 2.0 ** np.arange(7)
-"""Radii of thickened discs, with their clearance, as fractions of the arm's length. The tip moves
-as far as the first between two nodes of a search's mesh in a motion of about three radians. Links
-are sure not to pass unseen over a disc of the last, whose detour costs a tenth of a percent."""
+"""Radii of thickened discs, clearance included, in lengths of the arm. The tip moves by the first
+between two nodes of a search; no link passes unseen over the last, a detour of 0.1 %."""
 
 SEARCH_EVERY = 4
 """Motions are searched with the first of every so many thicknesses."""
@@ -47,63 +47,53 @@ NEAREST_SHARE = 0.9
 KEPT = 0.5
 """Fraction of the distance between links and discs that a motion keeps when it is solved again."""
 
-WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 6
-"""Number of ways to find; number of the shortest ways to try until one leads to a motion; largest
-number of first guesses for a leg, of which nearly always the first works."""
+WAYS, MOST_WAYS, LEG_SEEDS = 8, 4, 12
+"""Number of ways to find; number of the shortest ways to try until one leads to a motion; and of
+first guesses for a leg: nearly always the first works."""
 
-ROUNDS, ITERATIONS, GAIN = 10, 200, 0.01
-"""Largest number of solves of a motion; largest number of iterations of a solve; least gain that
-justifies another solve. Solves of joined legs take 20 to 200 iterations; longer ones go astray."""
+ROUNDS, GAIN = 10, 0.01
+"""Largest number of solves of a path, and least gain that justifies another solve."""
 
 
-def motion_by_legs(job: Task, seeds: Sequence[Seed]) -> tuple[Task, Solution] | None:
-    """Find a motion that clears all discs, leg by leg; return the motion after its own task.
-
-    The result is None if the straight line clears all discs already, or if no motion is found.
-    """
+def paths_by_legs(job: Task) -> Iterator[tuple[Task, Solution]]:
+    """Yield paths that clear all discs, found leg by leg, each with its task, from the shortest way
+    on; none if the straight line clears all discs already."""
     ways = list[Array]()
     while len(ways) < WAYS and (way := find_way(job.problem, len(ways))) is not None:
         ways.append(way)
-    ways.sort(key=_length)
+    ways.sort(key=lambda way: float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum()))
     for way in ways[:MOST_WAYS]:
         if len(way) < 3:
-            return None
+            return
         progress.tell(f"passing the discs in {len(way) - 1} legs")
-        if not (legs := _find_legs(job, seeds, way[1:])):
-            continue
-        if (path := _solve_clear(*_join(job, legs))) and (motion := _time(job, *path)):
-            return motion
-    return None
+        legs = _find_legs(job, way[1:])
+        if legs and (path := _solve_clear(*_join(job, legs))):
+            yield path
 
 
-def _length(way: Array) -> float:
-    return float(np.sum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
-
-
-def _time(job: Task, free: Task, path: Solution) -> tuple[Task, Solution] | None:
-    """Time a path within the task's duration; return task and motion, or None if that fails."""
-    own, start, wanted = job.on_mesh(free.mesh), path.iterate, job.problem.duration
-    needed = 1.1 * needed_duration(job.problem, own.mesh, start)
+def time_clear(job: Task, start: Iterate) -> tuple[Task, Solution]:
+    """Time a path that clears all discs, as `solve_timing` elsewhere; return the motion after its
+    own task."""
+    needed, wanted = 1.1 * needed_duration(job.problem, job.mesh, start), job.problem.duration
     if wanted and needed > wanted:
-        hasty = replace(job.problem, duration=None)
-        quick = _solve_clear(own.for_problem(hasty, fastest(hasty)), stretch_to(start, needed))
+        free = replace(job.problem, duration=None)
+        quick = _solve_clear(job.for_problem(free, fastest(free)), stretch_to(start, needed))
         if quick is None or quick[1].iterate.duration > wanted:
-            return None
-        own, start = job.on_mesh(quick[0].mesh), quick[1].iterate
+            return job, replace(job.judge(start), ok=False)
+        job, start = job.on_mesh(quick[0].mesh), quick[1].iterate
     start = stretch_to(start, wanted or needed)
-    motion = _solve_clear(own, start) or (own, own.judge(start))
-    return motion if motion[1].ok else None
+    return _solve_clear(job, start) or (job, job.judge(start))
 
 
-def _find_legs(job: Task, seeds: Sequence[Seed], corners: Array) -> list[tuple[Task, Solution]]:
+def _find_legs(job: Task, corners: Array) -> list[tuple[Task, Solution]]:
     """Find the path to each corner in turn, with its task; return [] if a path is not found."""
     problem, legs, here = job.problem, list[tuple[Task, Solution]](), job.problem.start
     for k, corner in enumerate(corners):
         end = problem.goal[0] if k == len(corners) - 1 else np.nan
         part = replace(problem.likely, start=here, user_goal=np.append(end, corner))
         own = job.for_problem(part, job.objective)
-        found = search(own, seeds[:LEG_SEEDS], Enough(1, most=LEG_SEEDS)).distinct
-        if not found or not found[0].clear:
+        found = search(own, seeds("auto", LEG_SEEDS), Enough(1)).clear
+        if not found:
             return []
         path = found[0]
         legs.append((path_task(own), path.solution))
@@ -136,8 +126,6 @@ def _mesh(widths: Array) -> Mesh:
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
     """Solve from a start that clears all discs, with links kept on the same side of each disc."""
-    most = min(ITERATIONS, job.settings.max_iterations)
-    job = replace(job, settings=replace(job.settings, max_iterations=most))
     best: tuple[Task, Solution] | None = None
     for _ in range(ROUNDS):
         solution = replace(job, inset=_growth(job, start)).solve(start, near=True)

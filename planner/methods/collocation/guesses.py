@@ -232,7 +232,7 @@ MOST_ORDERS = 6
 
 MOST_BRANCHES = 4
 """Largest number of branches (ways to bend the elbows) of a goal with free joints to try, the
-nearest first; three joints have no more. The motion may leave its branch to reach the best goal."""
+nearest first; three joints have no more."""
 
 MAX_ORDERS = 5040
 """Largest number of orders to sort by length: seven waypoints without a time, in about a second."""

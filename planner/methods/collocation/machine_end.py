@@ -52,9 +52,8 @@ REACH = 0.9
 """Largest distance of the end aimed at for joint 1 from the goal, as a share of its lost motion."""
 
 MOST_ROUNDS, GOOD_RAD = 24, np.deg2rad(0.04)
-"""Largest number of rounds on the emulated machine, and the largest error at the end of the nominal
-machine that is good enough: less than half of what the judge allows. Motors round their speeds, so
-that errors of slow plans of 120 s jump by 0.2 degrees from round to round."""
+"""Most rounds on the emulated machine, and the largest error at the end that is good enough: less
+than half of what the judge allows. Errors of plans of 120 s jump by 0.2 degrees (motors round)."""
 
 
 MACHINES: dict[str, Callable[[Problem], tuple[Follower, Callable[[Plan], Plan]]]] = {}

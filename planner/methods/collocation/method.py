@@ -46,8 +46,7 @@ CUT_SHORT = "ended the search; this is the best motion found so far"
 
 THICK_SHARE, THICK_WORK_S = 0.5, 15.0
 """Largest share of the remaining time, and most work, s (`planner.support.deadline.spend`), for a
-search with thickened discs, which may find nothing. Without a limit of the user the work ends it
-first."""
+search with thickened discs, which may find nothing."""
 
 
 def plan_collocation(problem: Problem, options: CollocationOptions) -> Plan:

@@ -48,14 +48,13 @@ straight line, and each first direction with each side, have been tried; else `R
 shortest path among at least `LEAST_PATHS`, by when each direction and side has been tried twice."""
 
 SUFFIX, MOST_FAILURES = ", moved", 16
-"""If the seeds lead to different paths, random loops about the shortest path are tried, whose names
-end with `SUFFIX`, until `MOST_FAILURES` in a row find no shorter path. Of 34 pairs of four joints
-within 45 degrees, 26 % ended more than 1 % above the shortest path known with 8 small loops in all;
-9 % did with this rule, in 2.2 times the time of the search."""
+"""If the seeds lead to different paths, random loops about the shortest, named with `SUFFIX`, are
+tried until `MOST_FAILURES` in a row find no shorter one. Of 34 pairs of four joints within 45
+degrees 9 % then ended more than 1 % above the shortest path known; with 8 loops in all, 26 %."""
 
 SURE_ONE_WAY = 4
-"""Largest number of coordinates (an arm of three joints has four) at which a motion whose drive
-never reverses ends the search. With more, a motion that reverses may be much shorter."""
+"""Largest number of coordinates (three joints have four) at which a motion whose drive never
+reverses ends the search. With more, one that reverses may be much shorter."""
 
 STANDSTILL_SHARE = 1e-6
 """Share of the greatest input below which an input counts as zero."""
@@ -63,11 +62,13 @@ STANDSTILL_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class SeedPath:
-    """A path, the name of its seed, and whether the links clear all discs between the nodes."""
+    """A path, the name of its seed, whether the links clear all discs between the nodes, and the
+    stage of the search that found it."""
 
     seed: str
     solution: Solution
     clear: bool
+    stage: str = "guesses"
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,12 @@ class Paths:
                 distinct.append(path)
         return distinct
 
+    @property
+    def clear(self) -> list[SeedPath]:
+        """The different paths that clear all discs, by length. The others are not worth timing: of
+        30 beside a post, one led to a motion, which was not the best."""
+        return [path for path in self.distinct if path.clear]
+
     def adding(self, path: SeedPath) -> Paths:
         """Return these paths and one more, or its failure."""
         solution, ok = path.solution, path.solution.ok
@@ -114,14 +121,11 @@ class Enough:
             is found repeatedly; then loops about the shortest path follow many different ones.
         longest: Number of intervals (`path_intervals`): `ALIKE` paths that all need more end a
             search that is `simple`.
-        most: Number of paths, clear or not; by default twice `clear`, since a path whose links pass
-            through a disc between two nodes may become clear when it is timed.
     """
 
     clear: int
     simple: bool = False
     longest: float = math.inf
-    most: int | None = None
 
     def settles(self, job: Task, free: Task, paths: Paths, path: SeedPath, guesses: int) -> bool:
         """Return whether after this latest path neither guesses nor loops can help."""
@@ -140,13 +144,11 @@ class Enough:
         """Return whether no further guess is needed after this latest path."""
         if self.simple and path.solution.ok and _repeats_shortest(paths.solved):
             return True
-        clear = sum(each.clear for each in paths.solved)
-        return clear >= self.clear or len(paths.solved) >= (self.most or 2 * self.clear)
+        return sum(each.clear for each in paths.solved) >= self.clear
 
 
 Keep = Callable[[Task, Solution, str], object]
-"""Receives the result of each guess, with its task and the guess's name, in case time is up: a
-failed path, or a path as a motion of the job."""
+"""Receives each guess's result, its task and name: a failed path, or a motion of the job."""
 
 
 def search(job: Task, seeds: Sequence[Seed], enough: Enough, keep: Keep | None = None) -> Paths:
@@ -189,14 +191,20 @@ def _try(
     path = SeedPath(seed.name, solution, solution.ok and clears(free, solution))
     if keep and not solution.ok:
         keep(free, solution, seed.name)
-    elif keep and path.clear:
-        needed = needed_duration(job.problem, job.mesh, solution.iterate)
-        wanted = job.problem.duration
-        if wanted is None or needed <= wanted:
-            duration = wanted or needed or solution.iterate.duration
-            motion = stretch_to(transfer(free, solution.iterate, job), duration)
-            keep(job, job.judge(motion), seed.name)
+    elif keep and path.clear and (motion := at_constant_speed(job, free, solution)):
+        keep(job, motion, seed.name)
     return path
+
+
+def at_constant_speed(job: Task, free: Task, path: Solution) -> Solution | None:
+    """Return a path, of the task `free`, as a motion of a job on the same mesh, only slowed down;
+    None if the duration is too short for that."""
+    needed = needed_duration(job.problem, job.mesh, path.iterate)
+    wanted = job.problem.duration
+    if wanted is not None and needed > wanted:
+        return None
+    duration = wanted or needed or path.iterate.duration
+    return job.judge(stretch_to(transfer(free, path.iterate, job), duration))
 
 
 def path_task(job: Task) -> Task:
@@ -229,17 +237,14 @@ def _may_miss(job: Task) -> bool:
 
 
 MOST_INPUT_ANGLE, INTERVAL_STEP, MOST_INTERVALS = 0.5, 20, 400
-"""Settings of the mesh of a refined path: the largest integral of an input over an interval, rad,
-if joints are limited to 80 degrees; a divisor of the number of intervals, by which paths share
-transcriptions; and the largest number of intervals."""
+"""The mesh of a refined path: largest integral of an input over an interval, rad, if joints are
+limited to 80 degrees; divisor of the number of intervals, for few transcriptions; and the most."""
 
 LEAST_FAST_INTERVALS, FAST_DENSITY = 100, 1.5
-"""Least number of intervals of a fastest motion, which a linear input needs to switch; and ratio of
-the number of intervals of the motion to that of the path."""
+"""Least number of intervals of a fastest motion, which switches; and its ratio to the path's."""
 
 PATH_ERROR = 1e-4
-"""Largest difference at the end, rad or m, between a path and its true motion; the mesh of the
-timed motion reduces the difference further."""
+"""Largest difference at the end, rad or m, between a path and its true motion, before timing."""
 
 
 def refine_path(free: Task, path: Solution) -> tuple[Task, Solution] | None:
@@ -269,7 +274,7 @@ def halve_mesh(free: Task, path: Solution) -> tuple[Task, Solution]:
     if inspect(free, path).end_error <= PATH_ERROR or count >= MOST_INTERVALS:
         return free, path
     new = free.on_mesh(uniform(min(2 * count, MOST_INTERVALS)))
-    better = new.solve(transfer(free, path.iterate, new))
+    better = new.solve(transfer(free, path.iterate, new), near=free.problem.divided)
     return (new, better) if better.ok else (free, path)
 
 
@@ -365,11 +370,8 @@ def solve_timing(job: Task, start: Iterate) -> Solution:
         if not quick.ok or quick.iterate.duration > duration:
             return replace(quick, ok=False)
         return job.solve(stretch_to(quick.iterate, duration))
-    # The path of least effort is the same for every duration. With discs there are many such
-    # paths, and a start that is not near the answer may find a shorter one.
-    near = job.objective.kind == "effort" and not job.problem.divided
-    motion = stretch_to(start, duration)
-    return job.solve_near(motion) if near else job.solve(motion)
+    motion = stretch_to(start, duration)  # the path of least effort is the same for every duration
+    return job.solve_near(motion) if job.objective.kind == "effort" else job.solve(motion)
 
 
 def needed_duration(problem: Problem, mesh: Mesh, iterate: Iterate) -> float:

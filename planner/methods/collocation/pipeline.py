@@ -7,7 +7,8 @@ The systems are driftless, so a path and its speed can be found separately. The 
 - *Straight line*: the whole problem is solved directly from a straight line, where that may do.
 - *Paths*: paths of least effort are found from many first guesses (`guesses`, `path`). The
   shortest few (`route_paths`) are then solved with the duration, the limits and the objective of
-  the problem (`solve_timing`). Among discs a motion found leg by leg comes first (`discs`).
+  the problem (`solve_timing`). Among discs some are found leg by leg, and are timed so that links
+  stay on their side of each disc (`discs`).
 - *Slower motions*: if none of the paths fits into the given duration, the fastest motion is found
   by a search with a free duration; it tells how much is missing, or is slowed down.
 - *Ladder*: with a free duration, a path of a long arm is built from that of a shorter one.
@@ -32,7 +33,7 @@ import numpy as np
 from planner.errors import InputError
 from planner.methods.collocation.best import Candidate, Exactness, Record, polish
 from planner.methods.collocation.between_nodes import clears
-from planner.methods.collocation.discs import motion_by_legs
+from planner.methods.collocation.discs import time_clear
 from planner.methods.collocation.guesses import (
     guess,
     mesh_through,
@@ -46,12 +47,19 @@ from planner.methods.collocation.path import (
     SURE_ONE_WAY,
     Enough,
     SeedPath,
+    at_constant_speed,
     never_reverses,
     same_path,
     search,
     solve_timing,
 )
-from planner.methods.collocation.route_paths import LADDER_INTERVALS, LEAST_TIME_RATIO, RoutePaths
+from planner.methods.collocation.route_paths import (
+    LADDER_INTERVALS,
+    LEAST_TIME_RATIO,
+    RefinedPath,
+    RoutePaths,
+    paths_of_legs,
+)
 from planner.methods.collocation.solvers import Settings
 from planner.methods.collocation.task import Solution, Task, stretch_to, task
 from planner.methods.collocation.transcription.bounds import InputDemands
@@ -64,9 +72,8 @@ from planner.support import deadline, progress
 
 DIRECT_INTERVALS, SEARCH_INTERVALS, LONG_ARM_INTERVALS = 14, 40, 80
 """Mesh intervals for motions near a straight line in a given time, for all other searches, and for
-those of arms with more than four joints. On 40 intervals the shortest path of five joints often
-ends more than 1 rad from its true motion, so paths are compared wrongly: on 80, plans of 16 pairs
-within 30 degrees took up to 23 % less effort, in three times the time."""
+those of more than four joints. On 40 the shortest path of five joints often ends 1 rad from its
+true motion: on 80, plans of 16 pairs within 30 degrees took up to 23 % less effort."""
 
 MOST_REBALANCINGS = 6
 """Largest number of redistributions of the duration among the parts between waypoints."""
@@ -196,7 +203,7 @@ class Pipeline:
         return [self._share_time(motion) for motion in motions] + self._path_motions(others)
 
     def _path_motions(self, routes: Sequence[int] | None = None) -> list[Candidate]:
-        """Return motions of these routes, or of all, along the paths found from guesses.
+        """Return motions of these routes, or of all, along the most promising paths.
 
         The branches of one goal share the usual number of paths, and no path is timed twice.
         """
@@ -204,9 +211,7 @@ class Pipeline:
         for k in range(len(self.routes)) if routes is None else routes:
             problem = self.routes[k]
             job = collocation_task(problem, self.options, search_intervals(problem))
-            if by_legs := self._leg_motion(k, job):
-                motions.append(record.take(by_legs))
-            paths = self._find_paths(k, job, 2 if by_legs else 1)
+            paths = self._find_paths(k, job)
             log = [dict(entry) for entry in paths.search.log]
             progress.tell("timing the most promising paths")
             words, found = _goal_words(problem), [each.solution for each in motions]
@@ -214,9 +219,12 @@ class Pipeline:
                 if problem.free and any(same_path(path.solution.objective, one) for one in timed):
                     continue
                 timed.append(path)
-                solution = solve_timing(path_job, start)
+                if problem.divided:
+                    path_job, solution = time_clear(path_job, start)
+                else:
+                    solution = solve_timing(path_job, start)
                 name = path.seed + words
-                motion = record.take(Candidate(path_job, solution, name, "guesses", k))
+                motion = record.take(Candidate(path_job, solution, name, path.stage, k))
                 if solution.ok and clears(path_job, solution):
                     motions.append(self._share_time(motion))
                     found.append(motions[-1].solution)
@@ -234,39 +242,34 @@ class Pipeline:
             record.log += [entry | {"start": entry["start"] + words} for entry in log]
         return motions
 
-    def _find_paths(self, k: int, job: Task, part: int = 1) -> RoutePaths:
-        """Search the paths of route `k` from 1/`part` of the guesses; refine the most promising."""
+    def _find_paths(self, k: int, job: Task) -> RoutePaths:
+        """Search the paths of route `k`, and refine the most promising; beside a path found leg by
+        leg, half of the guesses will do."""
         if k in self.paths:
             return self.paths[k]
         problem, options = self.routes[k], self.options
         quick = why_too_short(problem) is not None  # any motion will do, to name its duration
         enough = options.starts if options.start in ("auto", "wander") and not quick else 1
         enough = -(-enough // len(self.routes)) if problem.free else enough
-        guesses = seeds(options.start, options.attempts // part, sides(problem))
-        ladder = self._free and has_ladder(job)
-        most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
+        legs = list[RefinedPath]()
 
         def keep(task: Task, solution: Solution, name: str) -> None:
             self.record.take(Candidate(task, solution, name, "guesses", k))
 
+        if self._free and problem.obstacles and not problem.waypoints:
+            for path in paths_of_legs(job):
+                legs.append(path)
+                own, origin = job.on_mesh(path.free.mesh), (path.origin.seed, path.origin.stage, k)
+                if motion := at_constant_speed(own, path.free, path.solution):
+                    self.record.take(self.record.note(Candidate(own, motion, *origin)))
+        guesses = seeds(options.start, options.attempts // (2 if legs else 1), sides(problem))
+        ladder = self._free and has_ladder(job)
+        most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf
         rules = Enough(enough, self._free and not problem.divided, most)
         result = search(job, guesses, rules, keep)
         mesh_given = bool(job.mesh.marks) or options.intervals != "auto"
-        self.paths[k] = RoutePaths.of(job, result, mesh_given, most)
+        self.paths[k] = RoutePaths.of(job, result, mesh_given, most, legs)
         return self.paths[k]
-
-    def _leg_motion(self, k: int, job: Task) -> Candidate | None:
-        """Return the motion between discs that is found leg by leg, refined; it need not be the
-        best."""
-        problem, options = job.problem, self.options
-        if not (self._free and problem.obstacles and not problem.waypoints):
-            return None
-        found = motion_by_legs(job, seeds("auto", options.attempts))
-        if found is None:
-            return None
-        motion = Candidate(*found, "legs between discs", "legs", k)
-        self.record.pathless = False
-        return polish(self.record.note(motion), options.accuracy, options.refinements)
 
     def _ladder_motions(self) -> list[Candidate]:
         """Return the motion along a path found by the ladder; keep the path itself first."""

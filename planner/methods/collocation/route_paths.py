@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.methods.collocation.discs import paths_by_legs
 from planner.methods.collocation.path import (
     Paths,
     SeedPath,
@@ -29,16 +30,14 @@ from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.support import progress
 
 MAX_PATHS, REFINED_INTERVALS = 2, 200
-"""Largest number of paths to time; largest total number of mesh intervals of the paths to refine.
-Long paths take long to refine, and if the first failed, so did all others (6 of 6 among 22 random
-pairs of four joints within 40 degrees; the ladder then had the answer)."""
+"""Largest number of paths to time; and of mesh intervals of the paths to refine, in all. Where the
+first long path of four joints failed, so did all others (6 of 6 among 22 random pairs)."""
 
 LADDER_INTERVALS = {"best": 220, "soon": 80}
 """Largest number of intervals of a path to refine if the ladder can find another path: for the best
-motion, and for any motion soon. Of six paths of more than 220 intervals, of four joints within 40
-degrees, one could be refined, and its motion was 5 % faster than the ladder's. With 80, the motion
-that a refusal names takes up to 1.4 times as long (13 refusals; six the same), in a third of the
-processor time."""
+motion, and for any motion soon. Of six paths of more than 220, of four joints, one could be
+refined. With 80, the motion that a refusal names takes up to 1.4 times as long, found in a third of
+the time (13 refusals)."""
 
 TIMES = np.geomspace(1e-3, 1e3, 49)
 """Durations tried for a path, relative to its own, to find the best roughly."""
@@ -47,8 +46,7 @@ MAX_COARSE_PATHS = 6
 """Largest number of paths to time on a given mesh, for which the fastest path is unknown."""
 
 LEAST_TIME_RATIO = 0.95
-"""Least expected ratio of a motion's duration to the duration of its path by `clock`: timing saves
-a few hundredths."""
+"""Least expected ratio of a motion's duration to its path's by `clock`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,24 +88,33 @@ class RoutePaths:
     Attributes:
         free: The path task on the coarse mesh of the search.
         search: The finished search.
-        refined: The most promising paths, refined; None if the mesh is given, on which coarse paths
-            are timed.
+        refined: The most promising paths, refined, and those found leg by leg.
+        coarse: The most promising paths if the mesh is given, on which they are timed; else none.
     """
 
     free: Task
     search: Paths
-    refined: list[RefinedPath] | None
+    refined: list[RefinedPath]
+    coarse: list[SeedPath]
 
     @classmethod
-    def of(cls, job: Task, paths: Paths, mesh_given: bool, most: float = math.inf) -> RoutePaths:
+    def of(
+        cls,
+        job: Task,
+        paths: Paths,
+        mesh_given: bool,
+        most: float = math.inf,
+        legs: Sequence[RefinedPath] = (),
+    ) -> RoutePaths:
         """Refine the most promising paths of a search, unless the user gives the mesh.
 
-        Paths that need more than `most` intervals are left to the ladder.
+        Paths that need more than `most` intervals are left to the ladder. `legs` are the paths
+        found leg by leg.
         """
-        free, refined, spent = path_task(job), list[RefinedPath](), 0
+        free, refined, spent = path_task(job), [*legs], 0
         if mesh_given:
-            return cls(free, paths, None)
-        for path in paths.distinct:
+            return cls(free, paths, refined, paths.clear[:MAX_COARSE_PATHS])
+        for path in paths.clear:
             count = path_intervals(free, path.solution.iterate)
             if count > most or (spent and spent + count > REFINED_INTERVALS):
                 break
@@ -115,7 +122,7 @@ class RoutePaths:
             spent += count
             if both := refine_path(free, path.solution):
                 refined.append(RefinedPath(path, *both))
-        return cls(free, paths, refined)
+        return cls(free, paths, refined, [])
 
     def starts(
         self, job: Task, motions: Sequence[Solution]
@@ -124,31 +131,28 @@ class RoutePaths:
 
         Paths that fit into the given duration at constant speed come first, by their value. The
         others follow: by their duration if none fits, else those of less value than all that fit.
-        In both groups paths that clear all discs come first. A path that takes longer than a motion
-        already found is left out.
+        A path that takes longer than a motion already found is left out.
 
         Args:
             job: The task.
             motions: The motions found so far; the list may grow between two starts.
         """
-        if self.refined is None:
-            for one in self.search.distinct[:MAX_COARSE_PATHS]:
-                yield one, job, transfer(self.free, one.solution.iterate, job)
-            return
+        for one in self.coarse:
+            yield one, job, transfer(self.free, one.solution.iterate, job)
         duration, limited = job.problem.duration, bool(np.isfinite(job.problem.limits.input).all())
         most = duration / LEAST_TIME_RATIO if duration else math.inf
         seconds = {each: each.least_duration(job) for each in self.refined}
         able = [each for each in self.refined if seconds[each] <= most]
         values = {each: each.value(job) for each in able}
         slow = [each for each in able if each.duration(job) <= (duration or 0.0)]
-        slow.sort(key=lambda each: (not each.origin.clear, values[each]))
+        slow.sort(key=lambda each: values[each])
         for path in slow[:MAX_PATHS]:
             yield _start_at_own_speed(path, job)
         known = [values[each] for each in slow] or [each.objective for each in motions]
         least = min(known) if duration and motions else math.inf
         order = seconds if duration and not motions else values
         fast = [each for each in able if each not in slow and values[each] < least]
-        fast.sort(key=lambda each: (not each.origin.clear, order[each]))
+        fast.sort(key=lambda each: order[each])
         for path in fast[:MAX_PATHS]:
             if seconds[path] > min((m.iterate.duration for m in motions), default=most):
                 continue
@@ -157,6 +161,15 @@ class RoutePaths:
                 yield path.origin, *clock(job, free, solution.iterate)
             else:
                 yield _start_at_own_speed(path, job)
+
+
+def paths_of_legs(job: Task) -> Iterator[RefinedPath]:
+    """Yield paths between discs, found leg by leg, until one fits into the duration."""
+    for free, solution in paths_by_legs(job):
+        path = RefinedPath(SeedPath("legs between discs", solution, True, "legs"), free, solution)
+        yield path
+        if path.least_duration(job) <= (job.problem.duration or math.inf):
+            return
 
 
 def _start_at_own_speed(path: RefinedPath, job: Task) -> tuple[SeedPath, Task, Iterate]:

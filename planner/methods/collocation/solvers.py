@@ -36,20 +36,17 @@ PATIENCE_S, PATIENCE_EACH_S = 5.0, 0.05
 four times what Fatrop needs for 500 iterations, and ten times for 100."""
 
 SHORT_CHAIN = 5
-"""Largest number of coordinates of a short chain. On longer chains Fatrop fails, since it
-eliminates the goal backwards through the inputs of the last few intervals, which loses all digits;
-and longer chains have many optima."""
+"""Largest number of coordinates of a short chain. On longer chains Fatrop fails: it eliminates the
+goal backwards through the inputs of the last few intervals, which loses all digits."""
 
 GOAL_PENALTY = 1e5
-"""Factor of a soft goal in Fatrop's objective: paths end 3e-7 to 1e-5 off the goal, seldom more,
-and IPOPT goes on from there. With ten times the factor the search took 1.1 times as long."""
+"""Factor of a soft goal in Fatrop's objective: paths end 3e-7 to 1e-5 off, IPOPT goes on there."""
 
 COARSE_INTERVALS = 40
 """Number of intervals above which a path is being refined rather than searched."""
 
 MANY_INTERVALS, MOST_ITERATIONS = 300, 120
-"""Number of intervals above which each iteration takes long, and the largest number of iterations
-then allowed; a good start needs few."""
+"""Number of intervals above which iterations take long, and the most that are then allowed."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +57,7 @@ class Settings:
         tolerance: Tolerance of optimality and of the rows.
         max_iterations: Largest number of iterations.
         near: Whether the start is close to the answer, as from a coarser mesh or looser limits.
+        wide: Whether near starts begin with a large barrier, since a small one has failed.
         direct: Whether the start is a straight line and the answer is close to a straight line.
         solver: The solver; "auto" tries a second solver if the first fails.
     """
@@ -68,6 +66,7 @@ class Settings:
     max_iterations: int = 500
     near: bool = False
     direct: bool = False
+    wide: bool = False
     solver: Literal["auto", SolverName] = "auto"
 
 
@@ -135,12 +134,18 @@ STRATEGIES = {
     "straight, long chain": Strategy(("ipopt",), 1e2, 1e-4, _ADAPTIVE, iterations=50),
     # Fatrop takes half of IPOPT's time
     "near": Strategy(("fatrop", "ipopt"), 1e3, 1e-5, _CLOSE),
+    # beside posts Fatrop either takes some tens, or creeps along the posts, since the start is far
+    # from the best motion; with a large barrier it moves freely
+    "near, posts": Strategy(("fatrop",), 1e3, 1e-5, _CLOSE, fatrop_iterations=70),
+    "near, wide": Strategy(("fatrop", "ipopt"), 1e2, 1e-2, _FEASIBLE, 200, 200),
     "near, long chain": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE),
     "near, many intervals": Strategy(("ipopt",), 1e3, 1e-5, _CLOSE, MOST_ITERATIONS),
     # a path at its own speed is a feasible start that is far from the best
     "timing": Strategy(("ipopt",), 1.0, None, _FEASIBLE),
     # Fatrop (1.1.8) is hardly faster here, and its iterates may be such that it never returns
     "far": Strategy(("ipopt",), 1.0, 1e-4, _ADAPTIVE),
+    # what takes longer leads nowhere or is found from another guess
+    "far, posts": Strategy(("fatrop", "ipopt"), 1.0, 1.0, {}, 150, 150),
     # many optima: a large barrier that decreases stepwise finds better ones and avoids long detours
     # along z2 = 0; it is also not slow when the limits of a path are tightened
     "far, winding": Strategy(("ipopt",), 1.0, None, {}),
@@ -159,28 +164,38 @@ path; and least number of iterations allowed to time a long path that is already
 
 def strategy(nlp: Transcription, settings: Settings) -> Strategy:
     """Return the strategy for a transcription and for the kind of start that the settings state."""
-    form = nlp.form
+    form, posts = nlp.form, any(each.divides for each in nlp.form.kept)
     short = nlp.system.size <= SHORT_CHAIN and not (form.augmented or form.follower)
-    if settings.near and form.intervals > MANY_INTERVALS:
-        return STRATEGIES["near, many intervals"]
-    if form.soft_goal and not settings.near:
-        return STRATEGIES["soft goal"]
-    if settings.near or settings.direct:
-        kind = "near" if settings.near else "straight"
-        return STRATEGIES[kind if short else f"{kind}, long chain"]
-    if form.augmented or form.follower:
-        return STRATEGIES["far"]
-    timing = form.inner and form.free_duration and not any(each.divides for each in form.kept)
-    if timing or not short:
-        return STRATEGIES["timing" if short else "far, long chain"]
     winding = any("q" in required.reads and not required.is_direct for required in form.kept)
     is_narrow = form.inner or (form.intervals > COARSE_INTERVALS and not form.free_duration)
-    return STRATEGIES["far, winding" if winding or is_narrow else "far"]
+    if settings.near and posts and short:
+        kind = "near, wide" if settings.wide else "near, posts"
+    elif settings.near and form.intervals > MANY_INTERVALS:
+        kind = "near, many intervals"
+    elif form.soft_goal and not settings.near:
+        kind = "soft goal"
+    elif settings.near or settings.direct:
+        kind = ("near" if settings.near else "straight") + ", long chain" * (not short)
+    elif form.augmented or form.follower:
+        kind = "far"
+    elif not short:
+        kind = "far, long chain"
+    elif posts:
+        kind = "far, posts"
+    elif form.inner and form.free_duration:
+        kind = "timing"
+    else:
+        kind = "far, winding" if winding or is_narrow else "far"
+    return STRATEGIES[kind]
 
 
-def names(nlp: Transcription, settings: Settings) -> tuple[SolverName, ...]:
-    """Return the names of the solvers to try for a transcription, in order."""
-    return strategy(nlp, settings).order if settings.solver == "auto" else (settings.solver,)
+def attempts(nlp: Transcription, settings: Settings) -> list[Settings]:
+    """Return the settings to try for a transcription, in order, each with a solver's name."""
+    if settings.solver != "auto":
+        return [settings]
+    row, wide = strategy(nlp, settings), replace(settings, wide=True)
+    tries = [replace(settings, solver=name) for name in row.order]
+    return tries + (attempts(nlp, wide) if row is STRATEGIES["near, posts"] else [])
 
 
 Backend = Callable[[Array, Bounds], SolverAnswer]
@@ -241,6 +256,8 @@ class _Fatrop:
         }
         if settings.near:
             options |= {"bound_push": NEAR_DISTANCE, "bound_frac": NEAR_DISTANCE}
+        if settings.wide:
+            options |= {"tol_acceptable": 1e2 * options["tol"], "acceptable_iter": 10}
         if row.barrier is not None:
             options["mu_init"] = row.barrier * (row.weight if settings.near else 1.0)
         program = nlp.program

@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from planner.errors import solver_answer
-from planner.methods.collocation.solvers import Settings, SolverAnswer, backend, names
+from planner.methods.collocation.solvers import Settings, SolverAnswer, attempts, backend
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
 from planner.methods.collocation.transcription.follower import MIDDLES, PARTS
 from planner.methods.collocation.transcription.form import (
@@ -117,22 +117,23 @@ class Task:
         iterations, solution, best = 0, None, None
         soft = nlp.form.soft_goal and not near
         near_enough = SOFT_RESIDUAL if soft else FEASIBLE_RESIDUAL
-        most = (1 + STRAYED) * self.judge(start).objective if near else np.inf
-        for name in names(nlp, settings):
+        costly = near and not self.problem.divided  # beside posts any better motion will do
+        most = (1 + STRAYED) * self.judge(start).objective if costly else np.inf
+        for trial in attempts(nlp, settings):
             if solution and (soft or not solution.ok) and solution.residual <= near_enough:
-                start, settings = solution.iterate, replace(settings, near=True)
+                start, trial = solution.iterate, replace(trial, near=True)
             deadline.check()
             progress.count(solves=1)
             packed = self._packed(start, data)
             packed = packed.clip(data.lower, data.upper)
-            parts = nlp, replace(settings, solver=name), packed
+            parts = nlp, trial, packed
             answer = solver_answer(partial(_run, *parts, data), partial(_unfinished, *parts))
             answer = replace(answer, vector=answer.vector.clip(data.lower, data.upper))
             iterations += answer.iterations
             solution = replace(_check(nlp, data, answer, ACCEPTED_RESIDUAL), iterations=iterations)
             if best is None or not best.ok or (solution.ok and solution.objective < best.objective):
                 best = solution
-            if solution.ok and solution.objective <= most and not (soft and name == "fatrop"):
+            if solution.ok and solution.objective <= most and not soft:
                 break
         assert best is not None
         progress.count(iterations=iterations)
@@ -214,7 +215,7 @@ def task(
     form = replace(form, free_duration=free, kept=rows, final=final, units=units)
     built, began = transcription.cache_info().misses, time.perf_counter()
     nlp = transcription(problem.system, form)
-    first = replace(settings, solver=names(nlp, settings)[0])
+    first = attempts(nlp, settings)[0]
     new = transcription.cache_info().misses > built or first not in nlp.solvers
     solver_answer(lambda: backend(nlp, first), lambda _: None)  # `Task.solve` reports its errors
     seconds = time.perf_counter() - began if new else 0.0

@@ -82,6 +82,23 @@ def test_whoever_has_a_motion_has_every_slower_one(duration: float | str) -> Non
     assert plan.duration == duration or plan.duration <= 5.47
 
 
+def test_beside_a_thick_post_the_solver_does_not_creep() -> None:
+    """From the joined legs a small barrier had come to rest at an effort of 1.54."""
+    problem = POST.changed(
+        {
+            "start.theta_deg": [12.9252, -4.6056, 25.8362],
+            "goal": {"theta_deg": [-55.6194, -59.8972, -41.8238], "duration": 60.0},
+            "limits.input_rad_s": [0.5, 0.5],
+            "limits.joint_deg": 80,
+            "obstacles": [{"centre_m": [2.4494, -0.8438], "radius_m": 0.495}],
+        }
+    )
+    plan = planner.solve(problem, attempts=4)
+    assert plan.verified
+    assert plan.notes["stage"] == "legs"
+    assert plan.objective < 1.42
+
+
 @pytest.mark.parametrize("radius", [2e-5, 5e-6, 1e-12])
 def test_a_post_as_thin_as_a_needle_is_passed(radius: float) -> None:
     """It is planned for with a thicker post, since links pass over a thinner one unseen."""

@@ -97,7 +97,7 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
     monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
     monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
     monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
-    goal: Any = SimpleNamespace(free=(2,), divided=False, system=None)
+    goal: Any = SimpleNamespace(free=(2,), divided=False, system=None, obstacles=())
     job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
     run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Record(1e-6))
     run._find_paths(0, job)

@@ -24,8 +24,7 @@ from planner.systems.triangular_system import TriangularSystem
 Index = NDArray[np.int64]
 
 FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
-"""Least share of the gaps that a step must close: `FIRST_SHARE` for the first step, since a chain
-that cannot close a third at once has never closed less; `LEAST_SHARE` later."""
+"""Least share of the gaps that the first step must close, and a later one, or none ever does."""
 
 QUICK_ITERATIONS = 25
 """Number of iterations above which a step counts as hard, so that the next step is not larger."""
@@ -36,9 +35,8 @@ PATIENCE = 200
 
 RESIDUAL = 1e-6
 CORRECTIONS, PARTS = 2, 8
-"""Number of corrections that make a chain exact, and number of parts in which a correction
-integrates each piece. The later check integrates less finely; with equal steps it would repeat the
-error of the correction and hide it."""
+"""Number of corrections that make a chain exact, and number of parts in which one integrates each
+piece. The later check has other steps; with equal ones it would hide the error."""
 
 
 @dataclass(frozen=True, eq=False)

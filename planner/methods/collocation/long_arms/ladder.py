@@ -51,9 +51,8 @@ MAX_PIECES = 5000
 """Largest number of intervals of a path that is shortened."""
 
 FREE_LIMIT_SHARE = 0.1
-"""Share of the joint limits that each rung leaves free for the motions that later rungs add. The
-best path runs along its limits. With a share of 0.02 the motions of joint 1 broke limits of 40
-degrees by 0.2 to 0.5 rad, and no nearest chain existed."""
+"""Share of the joint limits that each rung leaves free for the motions that later rungs add. With
+0.02 the motions of joint 1 broke limits of 40 degrees by 0.2 to 0.5 rad."""
 
 MOST_SOLVED_INTERVALS = 300
 """Largest number of intervals of a path that is optimised."""
@@ -177,12 +176,10 @@ def _shorter_arm_task(job: Task) -> Task:
 
 
 OTHER_ANGLE = np.deg2rad(60.0)
-"""Second angle of joint 1 at which the drive turns, besides zero, rad; near 60 degrees the sum of
-drives and turns is least."""
+"""Second angle of joint 1 at which the drive turns, besides zero, rad; here its ways are least."""
 
 LONGEST_STRETCH, HALVINGS = 0.8, 12
-"""Largest |drive| + |turn of the first joint| in a stretch of the shorter arm's path, rad; and most
-rounds in which stretches that leave too large a gap are halved."""
+"""Largest |drive| + |turn of joint 1| in a stretch of the shorter path, rad; most halvings."""
 
 NEGLIGIBLE_RAD = 1e-9
 """Size, rad, below which a turn or a drive is left out."""

@@ -26,8 +26,7 @@ DEGREES = 180 / np.pi
 """Factor from radians to degrees, in which the response is weighted, so that its size is near 1."""
 
 VARIANCE_ROUNDING = 1e-6 / DEGREES
-"""Standard deviation, in the unit of the coordinate (rad, or that of z₂), that is added so that the
-square root is smooth at a variance of zero."""
+"""Standard deviation (rad, or as z₂) added so that the root is smooth at a variance of zero."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from planner.problem.requirements.requirement import Requirement
 from planner.support.arrays import Array
 
 MOST_DRAWN_IN = 0.1
-"""Largest amount by which a limit is tightened, as a share of half the range from low to high; a
-mesh that needs more is far too coarse."""
+"""Largest amount by which a limit is tightened, as a share of half the range from low to high."""
 
 Sides = tuple[Array | float, Array | float]
 """Lower and upper bounds."""

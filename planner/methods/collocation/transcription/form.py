@@ -73,9 +73,8 @@ def scheme(kind: Kind, degree: int) -> Scheme:
 InputKind = Literal["constant", "linear"]
 
 REFERENCE_S, REFERENCE_LIMITED_S = 15.0, 3.0
-"""Durations, s, for which the natural unit of time is one second: a given duration; and, for a free
-duration, the longest time that a limit or the objective alone implies for a move by 1 rad or 1 m.
-Both are typical of ordinary problems."""
+"""Usual durations, s, for which the natural unit of time is one second: a given duration; or the
+longest time that a limit or the objective alone implies for a move by 1 rad or 1 m."""
 
 VANISHING, NEAR_RAD = 1e-3, 1.0
 """The drive vanishes at a place if it is less than this share of the drive at the place where all

@@ -227,9 +227,8 @@ def _motion(
 
 
 LIMITED_PLACES = [0.0, 0.25, 0.5, 0.75, 1.0]
-"""Positions in an interval at which functions of linear inputs are limited. With three positions a
-product on a mesh of 15 intervals exceeds its limit by a fifth in between, with five by a
-twentieth."""
+"""Positions in an interval at which functions of linear inputs are limited. With three a product on
+15 intervals exceeds its limit by a fifth in between, with five by a twentieth."""
 
 
 def _limit_rows(

@@ -42,8 +42,7 @@ EVENNESS = 0.35
 LARGEST_ERROR = 1e-4
 """Largest accepted difference at the end, rad, of the true motion from the interpolant."""
 
-LARGEST_MESH = 2000
-TIGHTENING_TRIES = 6
+LARGEST_MESH, TIGHTENING_TRIES = 2000, 6
 
 REFINING_SHARE = 0.6
 """Share of the remaining time for refinement; then the best result so far is used."""
@@ -231,7 +230,7 @@ def _finer_motions(now: Inspection, accuracy: float, most: int) -> Iterator[Insp
         finer = _add_build_time(now.task, now.task.on_mesh(_finer_mesh(now, accuracy)))
         start = transfer(now.task, now.solution.iterate, finer)
         solution = finer.solve(start, near=True)
-        if not solution.ok:
+        if not (solution.ok and clears(finer, solution)):
             return
         before, now = now.solution.objective, inspect(finer, solution)
         settled = abs(before - solution.objective) <= SAVING * abs(solution.objective)
@@ -244,7 +243,8 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
     First the limits are kept at the collocation points. Then they are tightened by the remaining
     excess: at first only a little elsewhere, then everywhere equally. The motion may move by less
     than a limit is tightened, so the excess counts twice in the second round and three times in the
-    third. If a round has no solution, the previous motion is returned with the task of that round.
+    third. If a round has no solution, or only one through a disc, the previous motion is returned
+    with the task of that round.
     """
     rounds = 0
     for _ in range(TIGHTENING_TRIES):
@@ -260,9 +260,10 @@ def _tighter_motions(now: Inspection) -> Iterator[tuple[int, Inspection]]:
             tighter = replace(now.task, inset=now.task.inset + more)
         start = now.solution.iterate
         solution = tighter.solve_near(start)
-        now = inspect(tighter, solution) if solution.ok else replace(now, task=tighter)
+        good = solution.ok and clears(tighter, solution)
+        now = inspect(tighter, solution) if good else replace(now, task=tighter)
         yield rounds, now
-        if not solution.ok:
+        if not good:
             return
 
 

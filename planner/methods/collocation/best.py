@@ -48,7 +48,7 @@ REFINING_SHARE = 0.6
 """Share of the remaining time for refinement; then the best result so far is used."""
 
 SIDE_SHARE = 0.01
-"""Share of the greatest excess by which a limit is tightened where it is kept: motions move."""
+"""Share of the greatest excess by which a limit is tightened where it holds: motions shift."""
 
 
 class Exactness(IntEnum):

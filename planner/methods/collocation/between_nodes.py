@@ -19,7 +19,7 @@ from planner.support.arrays import Array
 from planner.support.calculus.bernstein import basis
 
 INTERPOLANT = 10.0
-"""Largest difference between interpolant and true motion, as a multiple of that at the end."""
+"""Largest difference of interpolant and true motion, in multiples of what the end may have."""
 
 DRAWN_IN_SLACK = 1e-7
 """Additional amount, relative to a limit, by which a broken limit is tightened."""

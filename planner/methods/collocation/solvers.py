@@ -256,6 +256,7 @@ class _Fatrop:
         }
         if settings.near:
             options |= {"bound_push": NEAR_DISTANCE, "bound_frac": NEAR_DISTANCE}
+        # where rows depend on each other, as at a joint on a post, multipliers may never settle
         if settings.wide:
             options |= {"tol_acceptable": 1e2 * options["tol"], "acceptable_iter": 10}
         if row.barrier is not None:

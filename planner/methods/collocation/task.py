@@ -109,9 +109,9 @@ class Task:
     def solve(self, start: Iterate, near: bool = False) -> Solution:
         """Solve the task from a start; `near` says that the start is close to the answer.
 
-        If the first solver fails, the next solver allowed is tried; so it is if the first strays
-        from a near start to a motion that costs more by the share `STRAYED`, and after a soft goal,
-        with which Fatrop only comes near the optimum.
+        If the first attempt fails, the next is made; so it is if the first strays from a near start
+        to a motion that costs more by the share `STRAYED` (not beside posts), and after a soft
+        goal, with which Fatrop only comes near the optimum.
         """
         nlp, data, settings = self.nlp, self.bounds, replace(self.settings, near=near)
         iterations, solution, best = 0, None, None

@@ -24,7 +24,7 @@ from planner.systems.triangular_system import TriangularSystem
 Index = NDArray[np.int64]
 
 FIRST_SHARE, LEAST_SHARE = 0.3, 4e-3
-"""Least share of the gaps that the first step must close, and a later one, or none ever does."""
+"""Least share of the gaps that the first step must close, or no later one does; and a later one."""
 
 QUICK_ITERATIONS = 25
 """Number of iterations above which a step counts as hard, so that the next step is not larger."""

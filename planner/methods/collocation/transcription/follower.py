@@ -28,7 +28,7 @@ LARGEST_SHARE = 0.2
 """Largest ε as a share of a joint's lost motion; with more a joint does not stay where it was."""
 
 LARGEST_LEAD = 0.9
-"""Largest distance of an axis from its joint at the start, as a share of w: there it drifts."""
+"""Largest distance of an axis from its joint at the start, as a share of w: at w joints drift."""
 
 PARTS = 4
 """Parts of an interval, in each of which joints turn evenly. With one part a solver makes use of

@@ -22,6 +22,7 @@ from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import follow
 from planner.methods.collocation.transcription import transcription
+from planner.methods.judgement import judge_plan
 from planner.methods.laws import scores
 from planner.support import deadline
 from planner.support.calculus.bernstein import Bernstein
@@ -90,6 +91,22 @@ def test_ctrl_c_has_the_best_plan_so_far_too(paper: planner.Problem) -> None:
     assert plan.verified
     assert plan.status == "interrupted"
     assert plan.notes["ended_early"].startswith("Ctrl-C ended the search")
+
+
+@pytest.mark.parametrize(("status", "advised"), [("interrupted", False), ("time_limit", True)])
+def test_a_plan_that_is_not_fine_enough_says_what_ended_its_search(
+    paper: planner.Problem, status: str, advised: bool
+) -> None:
+    narrow = paper.changed({"limits.joint_deg": 31})  # its theta1 goes to 38 degrees
+    found = planner.solve(paper)
+    notes = {"ended_early": "something ended the search"}
+    coarse = replace(found, problem=narrow, status=status, notes=notes)
+    with pytest.raises(planner.TimeLimitError) as refusal:
+        judge_plan(coarse)
+    assert refusal.value.status == status
+    assert refusal.value.plan is not None
+    assert refusal.value.plan.status == status
+    assert (refusal.value.advice is not None) == advised
 
 
 def test_ctrl_c_ends_the_searches_among_posts_together(monkeypatch: pytest.MonkeyPatch) -> None:

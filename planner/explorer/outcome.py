@@ -105,7 +105,7 @@ def judge(outcome: ScreenOutcome) -> ScreenOutcome:
         ended.status = "stopped"
         return replace(outcome, error=ended, judged=True)
     except NoPlanError as error:
-        if outcome.plan.status == "interrupted":
+        if error.status == "interrupted":
             error.status = "stopped"
         return replace(outcome, plan=error.plan, error=error, judged=True)
     return replace(outcome, plan=plan, judged=True)

@@ -27,7 +27,8 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
     A plan with the status "singular" is returned even if it breaks requirements.
 
     Raises:
-        TimeLimitError: If the plan breaks a requirement because there was no time to refine it.
+        TimeLimitError: If the plan breaks a requirement because there was no time to refine it;
+            its status is that of the plan, "interrupted" after Ctrl-C.
         VerificationError: If the plan breaks a requirement for any other reason.
     """
     tell("verifying")
@@ -36,15 +37,18 @@ def judge_plan(plan: Plan) -> tuple[Plan, Check]:
     plan, check = judge(plan)
     if check.ok:
         return plan, check
-    if why := plan.notes.get("ended_early"):
-        raise TimeLimitError(
+    if plan.status in ("interrupted", TimeLimitError.status):
+        why = plan.notes.get("ended_early", "something ended the search")
+        error = TimeLimitError(
             f"{why}, and no time was left to refine the plan",
             source=plan.problem.source,
             list_head=", which breaks",
-            plan=replace(plan, status=TimeLimitError.status),
+            plan=plan,
             violations=check.violations,
-            advice=time_advice(),
+            advice=None if plan.status == "interrupted" else time_advice(),
         )
+        error.status = plan.status
+        raise error
     others = not_promised(plan.problem, find_method(plan.method).keeps)
     said = ""
     if left := sum(v.label in others for v in check.violations):

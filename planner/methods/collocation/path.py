@@ -19,18 +19,8 @@ import numpy as np
 from planner.methods.collocation.between_nodes import clears, inspect
 from planner.methods.collocation.guesses import Seed, guess, sides, wander
 from planner.methods.collocation.solvers import strategy
-from planner.methods.collocation.task import (
-    Solution,
-    Task,
-    stretch_to,
-    task,
-    transfer,
-)
-from planner.methods.collocation.transcription.form import (
-    Mesh,
-    fastest,
-    uniform,
-)
+from planner.methods.collocation.task import Solution, Task, stretch_to, task, transfer
+from planner.methods.collocation.transcription.form import Mesh, fastest, uniform
 from planner.methods.collocation.transcription.unknowns import Iterate
 from planner.plan.measures import Objective
 from planner.plan.trajectory import StateTrajectory

@@ -259,9 +259,10 @@ class Pipeline:
         if self._free and problem.obstacles and not problem.waypoints:
             for path in paths_of_legs(job):
                 legs.append(path)
-                own, origin = job.on_mesh(path.free.mesh), (path.origin.seed, path.origin.stage, k)
+                own, found = job.on_mesh(path.free.mesh), path.origin
                 if motion := at_constant_speed(own, path.free, path.solution):
-                    self.record.take(self.record.note(Candidate(own, motion, *origin)))
+                    candidate = Candidate(own, motion, found.seed, found.stage, k)
+                    self.record.take(self.record.note(candidate))
         guesses = seeds(options.start, options.attempts // (2 if legs else 1), sides(problem))
         ladder = self._free and has_ladder(job)
         most = LADDER_INTERVALS["soon" if quick else "best"] if ladder else math.inf

@@ -323,7 +323,7 @@ SOLVERS: dict[SolverName, Callable[[Transcription, Settings], Backend]] = {
 def backend(nlp: Transcription, settings: Settings) -> Backend:
     """Return the solver that the settings name, cached by transcription and settings."""
     if settings not in nlp.solvers:
-        assert settings.solver != "auto", "choose a solver of `names` first"
+        assert settings.solver != "auto", "choose one of `attempts` first"
         nlp.solvers[settings] = SOLVERS[settings.solver](nlp, settings)
     solver: Backend = nlp.solvers[settings]
     return solver

@@ -117,8 +117,8 @@ class Task:
         iterations, solution, best = 0, None, None
         soft = nlp.form.soft_goal and not near
         near_enough = SOFT_RESIDUAL if soft else FEASIBLE_RESIDUAL
-        costly = near and not self.problem.divided  # beside posts any better motion will do
-        most = (1 + STRAYED) * self.judge(start).objective if costly else np.inf
+        bounded = near and not self.problem.divided  # beside posts any better motion will do
+        most = (1 + STRAYED) * self.judge(start).objective if bounded else np.inf
         for trial in attempts(nlp, settings):
             if solution and (soft or not solution.ok) and solution.residual <= near_enough:
                 start, trial = solution.iterate, replace(trial, near=True)

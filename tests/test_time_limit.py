@@ -21,6 +21,7 @@ from planner.cli.output import Job, keep_best_on_interrupt
 from planner.explorer.outcome import path
 from planner.explorer.state import State
 from planner.machine.feedforward import follow
+from planner.methods.collocation import best
 from planner.methods.collocation.transcription import transcription
 from planner.methods.judgement import judge_plan
 from planner.methods.laws import scores
@@ -107,6 +108,18 @@ def test_a_plan_that_is_not_fine_enough_says_what_ended_its_search(
     assert refusal.value.plan is not None
     assert refusal.value.plan.status == status
     assert (refusal.value.advice is not None) == advised
+
+
+def test_motions_that_there_is_no_time_to_refine_are_refused_for_that(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    posts = planner.load_problem(PAPER.with_name("obstacle.toml"))
+    assert planner.solve(posts, attempts=1).verified
+    monkeypatch.setattr(best, "REFINING_SHARE", 0.0)
+    with pytest.raises(planner.TimeLimitError) as refusal:
+        planner.solve(posts, attempts=1)
+    assert refusal.value.plan is not None
+    assert refusal.value.advice is not None
 
 
 def test_ctrl_c_ends_the_searches_among_posts_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -168,11 +168,13 @@ def _plan_from(
         deadline.time_limit(options.time_limit_s),
         deadline.time_limit(None, has_answer=record.holds) as span,
     ):
+        candidate = None
         try:
             candidate = max(search.run(), key=lambda each: each.rank, default=None)
         except deadline.TimeUpError:
             if warm is not None and not record.holds():
                 raise
+        if candidate is None and span.was_reached:  # if only by what was to be refined
             candidate = _finish_best(record, span, problem, options)
         if candidate is None:
             raise refusal(problem, record, options)

@@ -60,7 +60,8 @@ GROUPS = {
         ],
         "tests/verification/test_verify.py tests/plan/test_quadrature.py"
         " tests/verification/test_judging.py tests/verification/test_certificate_attacks.py"
-        " tests/verification/test_verdict.py tests/verification/test_loading.py",
+        " tests/verification/test_verdict.py tests/verification/test_loading.py"
+        " tests/verification/test_sampled.py",
     ),
     "certificate": (
         [

@@ -288,6 +288,29 @@ def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None)
     )
 
 
+@pytest.mark.parametrize(
+    ("joint", "deg", "says"),
+    [
+        (2, 30.0, None),
+        (2, -30.0, "theta2 changes sign"),
+        (2, -85.0, "theta2 changes sign"),
+        (2, -0.01, "theta2 changes sign"),
+        (2, -1e-7, "singular"),  # zero but for rounding
+        (2, 0.0, "singular"),
+        (1, 91.0, "from 1 to 91 deg, past an edge"),
+        (1, 170.0, "from 1 to 170 deg, past an edge"),
+        (3, -30.0, None),  # on this one the chart does not depend
+    ],
+)
+def test_an_end_outside_the_chart(
+    paper: planner.Problem, joint: int, deg: float, says: str | None
+) -> None:
+    q = paper.start.copy()
+    q[joint] = np.deg2rad(deg)
+    said = paper.chart.contradiction("goal", q, paper.system)
+    assert said is None if says is None else says in (said or "")
+
+
 def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
     """Angles up to a quarter turn lose their chart there; a heading turns as far as it likes."""
     named = {

@@ -246,3 +246,12 @@ def test_the_expressions_are_the_same_inverse_where_there_is_one(name: str) -> N
         return
     for expression, value in zip(found, (q, u), strict=True):
         np.testing.assert_allclose(np.array(expression).ravel(), value, rtol=1e-10)
+
+
+def test_the_estimated_time_of_the_inverse_grows_with_the_joints() -> None:
+    """By which a scan divides its work: some microseconds a point, or some tens."""
+    times = [chained_form(SYSTEMS[f"manipulator-{n}"]).point_s for n in range(2, 7)]
+    assert times == sorted(set(times))
+    stepwise = chained_form(SYSTEMS["custom-manipulator-3"]).point_s
+    assert 1e-6 < times[0] < 1e-5 < times[-1] < 1e-4
+    assert times[0] < stepwise < 1e-4

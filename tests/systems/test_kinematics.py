@@ -184,6 +184,19 @@ def test_coordinates_have_names_and_units(name: str) -> None:
     assert len({c.name for c in system.user_coordinates}) == system.size
 
 
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [("manipulator-2", "phi1"), ("manipulator-5", "phi4"), ("ball-gear-4", "phi4")],
+)
+def test_an_arm_is_named_by_the_disk_or_ball_that_turns_with_its_path(
+    name: str, first: str
+) -> None:
+    """The paper's arm by the last but one, the arm of ball gears by the last."""
+    arm = SYSTEMS[name]
+    joints = [f"theta{i}" for i in range(1, arm.size)]
+    assert [c.name for c in arm.coordinates] == [first, *joints]
+
+
 def test_a_rate_has_the_unit_per_second() -> None:
     rates = {"m": "m/s", "rad": "rad/s", "m/s": "m/s^2", "rad/s": "rad/s^2"}
     cart = Unicycle()

@@ -119,6 +119,21 @@ def test_stations_off_their_places(retimed: planner.Plan) -> None:
     assert "input u1" in _open_labels(_with(retimed, stations=stations))
 
 
+def test_stations_that_rounding_moves_before_or_behind_the_breaks(retimed: planner.Plan) -> None:
+    """Behind them it is the same motion; of another one nothing is claimed that is not so."""
+    own = retimed.trajectory.stations  # type: ignore[attr-defined]
+    t = np.linspace(0.0, retimed.duration, 20001)
+    for towards in (0.0, np.inf):
+        stations = np.concatenate([own[:1], np.nextafter(own[1:-1], towards), own[-1:]])
+        moved = _with(retimed, stations=stations)
+        certificate = planner.certify(moved)
+        assert certificate.ok or towards == 0.0, str(certificate)
+        least = retimed.problem.limits.input - np.max(np.abs(moved.u(t)), axis=0)
+        for label, margin in zip(("input u1", "input u2"), least, strict=True):
+            assert certificate[label].guaranteed <= margin + 1e-9
+            assert not certificate[label].attained < margin - 1e-9
+
+
 def test_a_length_that_skips_part_of_the_path(optimal: planner.Plan) -> None:
     """Flat, or all but flat, over the middle of a path that moves there; without any limit."""
     free = optimal.problem.changed({"limits": {}, "goal.duration": "free"})

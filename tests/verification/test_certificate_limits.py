@@ -13,6 +13,7 @@ from outside import integrate
 from scipy.interpolate import BPoly
 
 import planner
+from planner.problem.requirements.ends import TipGoal
 
 
 def by_hand(problem: planner.Problem, corners: np.ndarray, duration: float) -> planner.Plan:
@@ -91,6 +92,25 @@ def test_the_verdict_names_what_is_open(arc: planner.Plan) -> None:
     assert {c.label for c in certificate.open} == {"goal theta1", "goal theta2", "goal theta3"}
     assert "goal theta1: violated by" in str(certificate)
     assert certificate["joint theta1"].status == "proven"
+
+
+def test_bounds_on_the_distance_to_the_goal_hold_the_true_one(paper: planner.Problem) -> None:
+    """θ₁ winds up by 40 rad and back, after which θ₃ is known to 1.6e-3 rad only."""
+    problem = paper.changed({"system.link_lengths": [1.0, 1.0, 1.0], "limits": {}})
+    slow = problem.changed({"goal.duration": 40.0})
+    wound = by_hand(slow, np.linspace([0.3, 4.0], [0.3, -4.0], 5), 40.0)
+    end = wound.q(40.0)[1:]
+    x, y = problem.system.arm_points(end)[-1]  # type: ignore[attr-defined]
+    for off in (-1e-2, -2e-3, -5e-4, 0.0, 5e-4, 2e-3, 1e-2):
+        goal = slow.changed({"goal.theta_deg": np.rad2deg([*end[:2], end[2] + off]).tolist()})
+        tip = TipGoal(("x", "y"), (x, y + off), 3.0)
+        certificate = planner.certify(replace(wound, problem=replace(goal, tip=tip)))
+        for label, slack in (("goal theta3", 2e-5), ("goal tip y", 6e-5)):
+            claim = certificate[label]
+            assert claim.status == ("violated" if abs(off) >= 2e-3 else "undecided")
+            assert claim.guaranteed < slack - abs(off) < claim.attained
+            assert claim.attained - claim.guaranteed < 4e-3
+        assert certificate["goal theta1"].status == "proven"
 
 
 def test_rates_and_jumps(arc: planner.Plan) -> None:

@@ -12,10 +12,12 @@ import casadi as ca
 import numpy as np
 import pytest
 from registered import Bump, restored
+from scipy.interpolate import BPoly
 
 import planner
 from planner.plan.clock import Clock
 from planner.plan.quadrature import CONTROL_POINTS, POINTS
+from planner.plan.trajectory import StateTrajectory
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.support.calculus.chebyshev import points
 from planner.verification.verdict import judge
@@ -283,6 +285,48 @@ def test_a_compensated_plan_is_judged_between_its_breaks_and_inside(
         back = planner.load_plan(path)
         assert not back.verified, says
         assert says in back.violation
+
+
+def test_a_plans_own_motion_is_compared_with_the_machines_piece_by_piece(
+    compensated: planner.Plan,
+) -> None:
+    """Of a line between two breaks that is bent, it is told by how much, and where."""
+    path = compensated.trajectory
+    assert isinstance(path, StateTrajectory)
+    first, last = path.q_curve.c
+    for piece, coordinate, bend in ((1, 3, 0.3), (900, 0, -0.2), (len(first) - 1, 1, 0.1)):
+        middle = (first + last) / 2
+        middle[piece, coordinate] += bend
+        bent = replace(path, q_curve=BPoly(np.stack([first, middle, last]), path.breaks))
+        (broken,) = planner.verify(replace(compensated, trajectory=bent)).violations
+        assert broken.value == pytest.approx(abs(bend), abs=1e-6)
+        assert broken.time_s == path.breaks[piece]
+
+
+@pytest.mark.parametrize(("piece", "there"), [(6, 0.2), (1, -0.2)])
+def test_a_machine_that_leaves_the_range_between_two_breaks_is_told_where(
+    compensated: planner.Plan, piece: int, there: float
+) -> None:
+    """Commands in pieces of a second, in one of which the arm goes there and back."""
+    made, start = compensated.compensation, compensated.problem.start
+    assert made is not None
+    machine, breaks = planner.Machine.from_table(made.machine), np.arange(9.0)
+    u = np.zeros((2, 8, 2)) + np.array([0.1, 0.0])
+    u[:, piece, 1] = there, -there
+    still = BPoly(np.zeros((1, 8, 4)) + start, breaks)
+    path = StateTrajectory(compensated.problem.system, still, BPoly(u, breaks))
+    made = replace(made, clock=Clock.running(8.0))
+    plan = replace(compensated, trajectory=path, compensation=made)
+    run = planner.replay(plan, machine.nominal(), record_s=machine.step_s)
+    ends = np.stack([np.interp(breaks, run.t, q) for q in run.q[0].T], axis=1)
+    own = replace(path, q_curve=BPoly(np.stack([ends[:-1], ends[1:]]), breaks))
+    check = planner.verify(replace(plan, trajectory=own))
+    inside = run.q[0, (run.t >= piece) & (run.t <= piece + 1.0), 1]
+    beyond = float(np.max(np.sign(there) * (inside - inside[-1])))
+    assert beyond > np.deg2rad(1.0)
+    (gap,) = (v for v in check.violations if v.value == check.interpolant_error)
+    assert gap.value == pytest.approx(beyond / np.deg2rad(0.05) * 1e-4, rel=1e-3)
+    assert gap.time_s == piece
 
 
 def test_a_clock_that_is_none_is_refused_by_all(compensated: planner.Plan) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -102,6 +103,87 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
     run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Record(1e-6))
     run._find_paths(0, job)
     assert asked == [enough]
+
+
+@pytest.mark.parametrize(
+    ("start", "ladder", "proof", "rule"),
+    [
+        ("auto", True, None, "best"),
+        ("auto", True, "too short", "soon"),
+        ("auto", False, None, None),
+        ("auto", False, "too short", None),
+        ("wander", True, None, None),  # the ladder serves no start that is given
+    ],
+)
+def test_paths_are_shorter_where_the_ladder_can_find_another(
+    monkeypatch: pytest.MonkeyPatch, start: Any, ladder: bool, proof: str | None, rule: str | None
+) -> None:
+    asked: list[float] = []
+
+    def nothing(job: Any, guesses: Any, enough: Enough, *_: Any) -> Paths:
+        asked.append(enough.longest)
+        return Paths()
+
+    monkeypatch.setattr(pipeline, "search", nothing)
+    monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
+    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *given: asked.append(given[3]))
+    monkeypatch.setattr(pipeline, "has_ladder", lambda _: ladder)
+    goal: Any = SimpleNamespace(free=(), divided=False, system=None, obstacles=())
+    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
+    Pipeline([goal], CollocationOptions(start=start), Record(1e-6))._find_paths(0, job)
+    longest = math.inf if rule is None else pipeline.LADDER_INTERVALS[rule]
+    assert asked == [longest, longest]
+
+
+@pytest.mark.parametrize(("ways", "guesses"), [(0, 9), (1, 4), (2, 4)])
+def test_beside_paths_found_leg_by_leg_half_of_the_guesses_are_tried(
+    monkeypatch: pytest.MonkeyPatch, ways: int, guesses: int
+) -> None:
+    asked: list[int] = []
+    origin, free = SimpleNamespace(seed="", stage=""), SimpleNamespace(mesh=None)
+    legs = [SimpleNamespace(free=free, solution=None, origin=origin)] * ways
+    monkeypatch.setattr(pipeline, "seeds", lambda _, count, *__: asked.append(count))
+    monkeypatch.setattr(pipeline, "search", lambda *_: Paths())
+    monkeypatch.setattr(pipeline, "why_too_short", lambda _: None)
+    monkeypatch.setattr(pipeline, "paths_of_legs", lambda _: iter(legs))
+    monkeypatch.setattr(pipeline, "at_constant_speed", lambda *_: None)
+    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *given: asked.append(len(given[4])))
+    monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
+    goal: Any = SimpleNamespace(free=(), divided=False, system=None, obstacles=(1,), waypoints=())
+    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()), on_mesh=lambda _: None)
+    Pipeline([goal], CollocationOptions(attempts=9), Record(1e-6))._find_paths(0, job)
+    assert asked == [guesses, ways]
+
+
+@pytest.mark.parametrize(
+    ("free", "timed"), [((2,), [1.0, 2.0, 3.0]), ((), [1.0, 2.0, 1.0 + 1e-8, 3.0])]
+)
+def test_a_path_to_which_two_branches_of_a_goal_lead_is_timed_once(
+    monkeypatch: pytest.MonkeyPatch, free: tuple[int, ...], timed: list[float]
+) -> None:
+    """Paths through waypoints in another order are others, if as long."""
+    no_iterate: Any = None
+    mesh, system = SimpleNamespace(marks=()), SimpleNamespace(has_user_coordinates=True, size=4)
+    job: Any = SimpleNamespace(objective=SimpleNamespace(kind="effort"), requirements=[], mesh=mesh)
+    asked: list[float] = []
+
+    def paths(*efforts: float) -> Any:
+        found = [Solution(no_iterate, effort, 0.0, True, "", 0) for effort in efforts]
+        starts = [(SeedPath("", one, True), job, one) for one in found]
+        return SimpleNamespace(search=Paths(), starts=lambda *_: starts)
+
+    def motion(job: Any, start: Any) -> Solution:
+        asked.append(start.objective)
+        return start
+
+    monkeypatch.setattr(pipeline, "solve_timing", motion)
+    monkeypatch.setattr(pipeline, "collocation_task", lambda *_: job)
+    goal: Any = SimpleNamespace(free=free, divided=False, system=system)
+    found = {0: paths(1.0, 2.0), 1: paths(1.0 + 1e-8, 3.0)}
+    run = Pipeline([goal, goal], CollocationOptions(), Record(1e-6), paths=found)
+    with progress.progress_listener(None):
+        motions = run._path_motions()
+    assert asked == [each.solution.objective for each in motions] == timed
 
 
 def test_paths_are_timed_on_a_mesh_that_is_given() -> None:

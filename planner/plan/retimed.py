@@ -165,7 +165,8 @@ class RetimedTrajectory(Trajectory):
         rate = self._rate.piece_values(piece, fraction)
         sigma, pace = self._moving_pace(path_times, low, high, rate)
         breaks = self.path.breaks
-        path_piece = np.clip(np.searchsorted(breaks, low, side="right") - 1, 0, len(breaks) - 2)
+        middle = (low + high) / 2
+        path_piece = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(breaks) - 2)
         left, right = breaks[path_piece], breaks[path_piece + 1]
         inside = (sigma >= left) & (sigma <= right) & (path_times >= left) & (path_times <= right)
         if np.all(inside):
@@ -302,8 +303,8 @@ class Inverse:
 
     def __call__(self, s: Array, low: Array, high: Array) -> Array:
         """Return σ (…) at lengths s (…), each between bounds `low` and `high` (…) in one piece."""
+        piece = self._length.piece((low + high) / 2)  # rounding may have put `low` before a break
         high = np.nextafter(high, low)  # `high` itself belongs to the next piece
-        piece = self._length.piece(low)
         c = self._length.c[:, piece]
         c = c.reshape(len(c), *[1] * (s.ndim - low.ndim), *low.shape)
         begin, width = self._length.x[piece], np.diff(self._length.x)[piece]

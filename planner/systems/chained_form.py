@@ -120,8 +120,7 @@ class ChainedForm:
         q = np.full(z.shape, np.nan)
         q[..., 0], q[..., -1] = z[..., 0], z[..., -1]
         for i in range(self.system.size - 2, 0, -1):
-            fixed = np.where(np.arange(z.shape[-1]) > i, q, 0.0)
-            a, c = np.moveaxis(self._links[i](fixed), -1, 0)
+            a, c = np.moveaxis(self._links[i](q), -1, 0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 slope = (z[..., i] - a) / c
             q[..., i] = self.system.link_from_slope(i, slope, q, branch)

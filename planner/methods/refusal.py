@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.errors import InputError, NoPlanError, TimeLimitError, Violation
 from planner.plan.plan import Plan
-from planner.problem.free_space import is_blocked
+from planner.problem.free_space import blocked_links
 from planner.problem.problem import Problem
 from planner.problem.reach import Reach
 from planner.problem.requirements.ends import Duration, Goal, Start
@@ -103,7 +103,7 @@ def path_changes(problem: Problem) -> list[Change]:
     Joint limits come first if obstacles block the arm within them, since an obstacle may be fixed.
     """
     out = dict[str, Change]()
-    blocked = is_blocked(problem)
+    blocked = blocked_links(problem)
     for demand in problem.demands if blocked else reversed(problem.demands):
         if removal := demand.removal():
             keys, words, what = removal

@@ -7,7 +7,8 @@ exceeds the bound.
 
 For the proof the joint space is a grid. A cell is free if the clearance at its centre exceeds the
 bound for half its width, and blocked if links reach into a disc by more than the bound. All other
-cells are mixed and are divided. If blocked cells separate start and goal, no motion exists.
+cells are mixed and are divided. If blocked cells separate start and goal, no motion exists. The
+same holds for the first links alone, whose fewer joints allow a finer grid.
 
 Sources: Kuffner and LaValle, RRT-Connect (IEEE International Conference on Robotics and Automation,
 2000), for the search; Zhu and Latombe, New heuristic algorithms for efficient hierarchical path
@@ -30,7 +31,7 @@ FREE, MIXED, BLOCKED = 0, 1, 2
 
 COARSEST, MOST_CELLS = 8, 2**20
 """Number of cells per joint of the first grid; and total number of cells of the finest grid: 1024
-per joint for two joints, 64 for three, 32 for four. With more than six joints nothing is proven."""
+per joint for two joints, 64 for three, 32 for four. Of more than six links nothing is proven."""
 
 TOLERANCE = 1e-6
 """Extra depth that a cell needs to count as blocked, as a share of the arm's length; larger than
@@ -49,20 +50,25 @@ MOST_PARTS = 20_000
 
 def clearance(problem: Problem, theta: Array) -> Array:
     """Return the least distance between links and discs minus the required distance, shape (…), m,
-    at angles `theta` (…, n)."""
+    at the angles `theta` (…, k) of all joints or of the first k links alone."""
     points = problem.system.arm_points(theta)  # type: ignore[attr-defined]
     every = (disc.clearances(points).min(axis=-1) - disc.clearance for disc in problem.obstacles)
     return np.asarray(reduce(np.minimum, every))
 
 
 @lru_cache(maxsize=8)
-def is_blocked(problem: Problem) -> bool:
-    """Return whether discs and joint limits provably separate the goal from the start."""
-    fits = problem.obstacles and COARSEST ** (problem.system.size - 1) <= MOST_CELLS
-    if not fits or not np.isfinite(problem.limits.joint[1:]).all():
+def blocked_links(problem: Problem) -> int:
+    """Return the least number of first links whose way from start to goal discs and joint limits
+    provably block; 0 without such a proof."""
+    counts = range(1, problem.system.size if problem.obstacles else 1)
+    return next((links for links in counts if _are_blocked(problem, links)), 0)
+
+
+def _are_blocked(problem: Problem, links: int) -> bool:
+    if not np.isfinite(problem.limits.joint[1 : links + 1]).all():
         return False
-    start = problem.start[1:]
-    for grid in _grids(problem):
+    start = problem.start[1 : links + 1]
+    for grid in _grids(problem, links):
         goal = grid.goal_cells(problem)
         if grid.connects(start, goal, grid.cells == FREE, corners=False):
             return False
@@ -73,12 +79,14 @@ def is_blocked(problem: Problem) -> bool:
 
 def why_blocked(problem: Problem) -> str | None:
     """Describe why no motion exists; None if that is not proven."""
-    if not is_blocked(problem):
+    links = blocked_links(problem)
+    if not links:
         return None
-    few = len(problem.obstacles) == 1
+    few, whole = len(problem.obstacles) == 1, links == problem.system.size - 1
+    of = "" if whole else f" of the first {links} links" if links > 1 else " of the first link"
     return (
         f"no plan of any kind exists: the {'obstacle blocks' if few else 'obstacles block'} every"
-        " way from start to goal within the joint limits (a grid of all joint angles proves it)"
+        f" way{of} from start to goal within the joint limits (a grid of joint angles proves it)"
     )
 
 
@@ -186,11 +194,12 @@ class JointGrid:
     def goal_cells(self, problem: Problem) -> NDArray[np.bool_]:
         """Return whether each cell may contain a goal: true for several cells if the goal leaves
         joints free."""
-        goal, tip = problem.goal[1:], problem.tip
+        links = self.cells.ndim
+        goal, tip = problem.goal[1 : links + 1], problem.tip
         mask = np.zeros(self.cells.shape, dtype=bool)
         index = zip(self.index(np.nan_to_num(goal)), np.isnan(goal), strict=True)
         mask[tuple(slice(None) if free else k for k, free in index)] = True
-        if tip is not None:
+        if tip is not None and links == problem.system.size - 1:
             where = np.argwhere(mask)
             theta, beyond = self.centres(where), _beyond(problem)
             near = np.ones(len(where), dtype=bool)
@@ -219,21 +228,20 @@ class JointGrid:
         return bool(part and (parts[goal] == part).any())
 
 
-def _grids(problem: Problem) -> Iterator[JointGrid]:
-    """Yield finer and finer grids; only the mixed cells of the previous grid are tested again."""
-    limit = _box(problem)
-    size = len(limit)
-    beyond = _beyond(problem)
-    cells = np.full((COARSEST,) * size, MIXED, dtype=np.int8)
+def _grids(problem: Problem, links: int) -> Iterator[JointGrid]:
+    """Yield finer and finer grids for the first links; only the mixed cells of the previous grid
+    are tested again."""
+    limit, beyond = _box(problem)[:links], _beyond(problem, links)
+    cells = np.full((COARSEST,) * links, MIXED, dtype=np.int8)
     while cells.size <= MOST_CELLS:
         grid = JointGrid(-limit, 2 * limit / cells.shape[0], cells)
         mixed = np.argwhere(cells == MIXED)
         bound = float(beyond @ grid.widths) / 2
         least = clearance(problem, grid.centres(mixed))
-        surely = [least > bound, least < -bound - TOLERANCE * beyond[0]]
+        surely = [least > bound, least < -bound - TOLERANCE * _beyond(problem)[0]]
         cells[tuple(mixed.T)] = np.select(surely, [FREE, BLOCKED], MIXED)
         yield grid
-        for axis in range(size):
+        for axis in range(links):
             cells = np.repeat(cells, 2, axis)
 
 
@@ -244,6 +252,8 @@ def _box(problem: Problem) -> Array:
     return np.where(np.isfinite(limit), limit, np.fmax(WIDEST_RAD, ends))
 
 
-def _beyond(problem: Problem) -> Array:
-    """Return the length of the arm from each joint to its tip, shape (n,), m."""
-    return np.cumsum(problem.system.link_lengths[::-1])[::-1]  # type: ignore[attr-defined]
+def _beyond(problem: Problem, links: int | None = None) -> Array:
+    """Return the length from each joint to the end of the first `links` links, shape (links,), m;
+    by default to the tip."""
+    lengths = problem.system.link_lengths[:links]  # type: ignore[attr-defined]
+    return np.cumsum(lengths[::-1])[::-1]

@@ -421,14 +421,16 @@ class PlanarArm(TriangularSystem):
         """Compute the positions of base, joints and tip in the plane from the joint angles.
 
         Args:
-            theta: Joint angles, shape (…, n), radians; each measured from the link before.
+            theta: Angles of all n joints or of the first k, shape (…, k), radians; each measured
+                from the link before.
 
         Returns:
-            Base, joints and tip, shape (…, n+1, 2), in the unit of `link_lengths`.
+            Base, joints and tip, or the ends of the first k links, shape (…, k+1, 2), in the unit
+            of `link_lengths`.
         """
         heading = np.cumsum(theta, axis=-1)
         directions = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-        steps = self.link_lengths[:, None] * directions
+        steps = self.link_lengths[: heading.shape[-1], None] * directions
         base = np.zeros((*steps.shape[:-2], 1, 2))
         return np.concatenate([base, np.cumsum(steps, axis=-2)], axis=-2)
 

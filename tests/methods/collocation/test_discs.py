@@ -18,7 +18,7 @@ from planner.methods.collocation.guesses import guess, seeds
 from planner.methods.collocation.path import path_task
 from planner.methods.collocation.pipeline import collocation_task
 from planner.methods.collocation.transcription.unknowns import Iterate
-from planner.problem.free_space import find_way, is_blocked
+from planner.problem.free_space import blocked_links, find_way
 from planner.problem.tables.method_options import CollocationOptions
 
 PROBLEMS = Path(__file__).parents[3] / "problems"
@@ -121,7 +121,7 @@ def test_two_joints_that_are_blocked_are_soon_proven_so() -> None:
         with pytest.raises(planner.InfeasibleError, match="the obstacle blocks every way"):
             planner.solve(problem, method)
         assert time.process_time() - began < 30
-    assert not is_blocked(problem.changed({"limits.joint_deg": 76}))
+    assert not blocked_links(problem.changed({"limits.joint_deg": 76}))
     with pytest.raises(planner.InfeasibleError) as caught:
         planner.solve(problem, "collocation")
     tried = r"limits\.joint_deg = 75\.\d+ or more \(tried with limits\.joint_deg = 88\.0\)"
@@ -133,19 +133,42 @@ def test_a_tip_that_both_elbows_are_kept_from_is_proven_so() -> None:
     disc = {"centre_m": [0.55, 0.28], "radius_m": 0.06}
     goal = {"tip_m": [0.3, 0.58], "duration": 8.0}
     problem = planner.Problem.from_dict({**TWO_JOINTS, "goal": goal, "obstacles": [disc]})
-    assert is_blocked(problem)
-    assert not is_blocked(problem.changed({"obstacles": [{**disc, "centre_m": [0.69, 0.28]}]}))
+    assert blocked_links(problem)
+    assert not blocked_links(problem.changed({"obstacles": [{**disc, "centre_m": [0.69, 0.28]}]}))
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_links_are_proven_blocked_whatever_the_joints_after_them(count: int) -> None:
+    """The posts are too small for the grid of all three joints."""
+    posts = {1: ([1.04, 0.02], 0.08), 2: ([1.75, 0.1], 0.24)}
+    ends = {
+        1: ([-34.0, -7.0, 10.0], [35.0, -28.0, 4.0]),
+        2: ([52.0, 59.0, 40.0], [-49.0, 24.0, -12.0]),
+    }
+    (start, goal), (centre, radius) = ends[count], posts[count]
+    asked = {
+        "start.theta_deg": start,
+        "goal": {"theta_deg": goal, "duration": 60.0},
+        "limits.joint_deg": 80,
+        "obstacles": [{"centre_m": centre, "radius_m": radius}],
+    }
+    problem = POST.changed(asked)
+    assert blocked_links(problem) == count
+    with pytest.raises(planner.InfeasibleError) as caught:
+        planner.solve(problem)
+    assert caught.value.changes
+    assert not blocked_links(problem.changed({"goal.theta_deg": [*start[:2], -30.0]}))
 
 
 def test_no_way_around_is_refused_with_the_disc_named() -> None:
-    """The post beside the first link is too thin for the proof."""
-    problem = two_joints(centre_m=[0.358, 0.0324], radius_m=0.0005)
-    assert not is_blocked(problem)
+    """The post just beyond the first link is too thin for the proof."""
+    problem = two_joints(centre_m=[0.3806, 0.1385], radius_m=0.0005)
+    assert not blocked_links(problem)
     assert find_way(problem) is None
     with pytest.raises(planner.NotConvergedError) as caught:
         planner.solve(problem, "collocation", attempts=1, intervals=20)
     assert caught.value.blamed
-    assert caught.value.violations[0].label == "clearance of link 1 from obstacle 1"
+    assert caught.value.violations[0].label == "clearance of link 2 from obstacle 1"
     ways = ("another start or goal, or wider limits.joint_deg", "obstacle 1 elsewhere")
     assert caught.value.ways == ways
 
@@ -176,8 +199,8 @@ def test_a_thin_post_beside_a_link_of_two_joints() -> None:
 
 
 def test_what_can_be_passed_is_not_proven_blocked() -> None:
-    assert not is_blocked(two_joints(centre_m=[0.55, -0.15], radius_m=0.05))
-    assert not is_blocked(POST)
+    assert not blocked_links(two_joints(centre_m=[0.55, -0.15], radius_m=0.05))
+    assert not blocked_links(POST)
 
 
 def test_a_way_between_discs_keeps_clear_of_them() -> None:

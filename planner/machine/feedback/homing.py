@@ -75,7 +75,7 @@ class Player:
     """Commands of a plan, period by period, for the loop of your own controller.
 
     A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them. The
-    last command is zero, because many controllers hold it.
+    last command is zero, however late it is asked for, because many controllers hold it.
 
     Args:
         plan: An executable plan.
@@ -92,7 +92,7 @@ class Player:
         expect_plan(plan)
         refuse_inexecutable(plan)
         expect_number("period_s", period_s, "a time > 0, in seconds", ABOVE_ZERO)
-        self._plan, self._period_s, self._rule = plan, period_s, None
+        self._plan, self._period_s, self._rule, self._moves = plan, period_s, None, True
         if "until" in plan.notes:
             machine = Machine.ideal(encoder_noise_deg=noise_deg)
             self._rule = HomingController(plan, machine, 1)
@@ -116,6 +116,7 @@ class Player:
                 raise InputError(f"theta_deg = {theta_deg!r:.60}: give {joints} readings")
             self._rule(t_s, np.deg2rad([0.0, *read])[:, None])
             middle += float(self._rule.left_out_s[0])
-        if middle > self._plan.duration:
-            return np.zeros(2) if middle <= self._plan.duration + self._period_s else None
-        return np.asarray(self._plan.trajectory.u(middle))
+        moved, self._moves = self._moves, middle <= self._plan.duration
+        if self._moves:
+            return np.asarray(self._plan.trajectory.u(middle))
+        return np.zeros(2) if moved else None

@@ -433,5 +433,5 @@ def test_numbers_of_all_kinds_are_times() -> None:
 @pytest.mark.parametrize("name", MADE)
 def test_two_values_can_be_compared(name: str) -> None:
     value = made(name)
-    assert value == value  # noqa: PLR0124
+    assert value == value
     assert isinstance(copy.deepcopy(value) == value, bool)

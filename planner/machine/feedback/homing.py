@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine
-from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array, floats
 
 RISE_SPREADS = 10.0
@@ -89,13 +89,11 @@ class Player:
     def __init__(
         self, plan: Plan, period_s: float = DEFAULT_TICK_S, noise_deg: float = 0.0
     ) -> None:
-        expect_plan(plan)
         refuse_inexecutable(plan)
         expect_number("period_s", period_s, "a time > 0, in seconds", ABOVE_ZERO)
         self._plan, self._period_s, self._rule, self._moves = plan, period_s, None, True
         if "until" in plan.notes:
-            machine = Machine.ideal(encoder_noise_deg=noise_deg)
-            self._rule = HomingController(plan, machine, 1)
+            self._rule = HomingController(plan, Machine.ideal(encoder_noise_deg=noise_deg), 1)
 
     def __call__(self, t_s: float, theta_deg: ArrayLike) -> Array | None:
         """Return the commands to both motors, (2,), rad/s, from `t_s` on; None after the end.

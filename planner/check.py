@@ -79,7 +79,7 @@ class Remedy(Frozen):
         return {"changes": self.changes, "method": self.method, "plan": self.plan}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Analysis(Frozen):
     """Result of `check`: whether a problem has a plan, and the evidence.
 

@@ -94,7 +94,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Check": lambda: planner.verify(plain()),
     "Claim": lambda: plan().certificate.claims[0],  # type: ignore[union-attr]
     "Coin": planner.Coin,
-    "Comparison": lambda: planner.compare(plain().problem, ["collocation"], samples=2),
+    "Comparison": lambda: planner.compare(plain().problem, ["collocation:intervals=20"], samples=2),
     "Controllability": lambda: planner.controllability(plain().problem.system, [0.0, 0.3, 0.4]),
     "CustomSystem": custom,
     "Design": lambda: study().rows[0].design,
@@ -428,3 +428,10 @@ def test_numbers_of_all_kinds_are_times() -> None:
     expected = plain().q([1.0, 2.0])
     for t in ((1, 2), [1, np.float32(2)], np.array([1, 2], dtype=np.int8), [np.int64(1), 2.0]):
         assert plain().q(t) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_two_values_can_be_compared(name: str) -> None:
+    value = made(name)
+    assert value == value
+    assert isinstance(copy.deepcopy(value) == value, bool)

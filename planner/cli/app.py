@@ -266,7 +266,7 @@ def _report_usage_error(error: Any) -> int:
         print_json({"status": "bad_input", "error": error.format_message(), "exit_status": 2})
     text = io.StringIO()
     error.show(file=text)
-    sys.stderr.write(clean_text(text.getvalue()))
+    say(text.getvalue().rstrip())
     return 2
 
 

@@ -248,9 +248,8 @@ def budget(
       planner budget plan.json --feedback    # effects of encoders too
     """
     find_salib()
-    named = join_methods(methods)
     refuse_unwritable_folder(out)
-    plans = _plans(subject, named, changes)
+    plans = _plans(subject, join_methods(methods), changes)
     problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
     machine = Machine.from_table(problem.machine)
     options = {"samples": samples, "base": base, "seed": seed, "feedback": feedback}
@@ -266,6 +265,9 @@ def _plans(subject: Path, methods: str | None, changes: list[str] | None) -> dic
     if is_plan(subject):
         if methods is not None:
             raise InputError(f"{subject} is a plan; --methods is for problem files")
+        if others := [k for k in parse_changes(changes or []) if k.split(".")[0] != "machine"]:
+            names = ", ".join(others)
+            raise InputError(f"{subject} is a plan; --set changes its machine, but not {names}")
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     with job() as progress:

@@ -105,10 +105,8 @@ def export(
         off = ", ".join(f"{each} {number(value)}" for each, value in miss.items())
         words += f"{' and' if sent else ';'} hold each row until the next, {1e3 / rate:.4g} ms:"
         words += f" on an ideal machine the end is off by {off}"
-    reservations = "".join(
-        f"; {each}" for each in [motion.start_words, *motion.reservations, space[1]] if each
-    )
-    words += reservations.replace("{", "{{").replace("}", "}}")
+    for each in filter(None, [motion.start_words, *motion.reservations, space[1]]):
+        words += f"; {each}".replace("{", "{{").replace("}", "}}")
     return finish(data, where="written to {}" + words)
 
 
@@ -189,6 +187,5 @@ def report(
       planner report out/paper --out paper.html
     """
     with job("writing the page"):
-        written = write_report(folder, out)
-    data = {"folder": folder, "written": written}
+        data = {"folder": folder, "written": write_report(folder, out)}
     return finish(data, where="written to {}; open it in a browser")

@@ -220,10 +220,11 @@ def detail(text: str) -> None:
 
 
 def say(text: str, style: str = "") -> None:
-    """Print a message on standard error."""
+    """Print a message on standard error; without effect if its reader has closed it."""
     console = _console(stderr=True)
     whole = not console.is_terminal or isinstance(text, CommandLine)
-    console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
+    with suppress(BrokenPipeError):
+        console.print(Text(text, style=style), highlight=False, soft_wrap=whole)
 
 
 number = four_digits
@@ -397,6 +398,10 @@ class _CleanConsole(Console):
     ) -> Iterable[Segment]:
         for text, style, control in super().render(renderable, options):
             yield Segment(text if control else clean_text(text), style, control)
+
+    def on_broken_pipe(self) -> None:
+        """Raise the error; Rich would silence standard output and end the process."""
+        raise BrokenPipeError
 
 
 def _console(stderr: bool) -> Console:

@@ -35,10 +35,8 @@ def reproduce(
     """
     with job() as progress:
         reproduction = run_reproduction(out, samples, seed, progress)
-    columns = [
-        Column(head, "", attrgetter(head), left=True)
-        for head in ("where", "printed", "ours", "verdict")
-    ]
+    heads = "where", "printed", "ours", "verdict"
+    columns = [Column(head, "", attrgetter(head), left=True) for head in heads]
     rows = [vars(f) for f in reproduction.findings]
     data = {"written": reproduction.path, "seed": seed, "samples": samples, "findings": rows}
     return finish(data, terminal_table(columns, reproduction.findings))

@@ -32,7 +32,7 @@ from planner.problem.tables.kinds import (
 from planner.problem.tables.machine_effects import EFFECTS, MachineTable
 from planner.problem.tables.problem_file import CompensationTable, FeedbackTable, ProblemFile
 from planner.support.files import refuse_unwritable, toml, write_text
-from planner.support.tables import Column, CommandLine, terminal_table
+from planner.support.tables import Column, CommandLine, clean_text, terminal_table
 from planner.support.user_tables import allowed_hint
 from planner.systems.manipulator import prototype_ratios
 
@@ -76,7 +76,8 @@ def new(
       planner new lane-change.toml --system car
     """
     refuse_unwritable(file)
-    text = problem_text(system, joints=joints, full=full).replace("FILE", str(file))
+    text = problem_text(system, joints=joints, full=full)
+    text = text.replace("FILE", " ".join(clean_text(CommandLine.of(str(file))).splitlines()))
     if file.exists() and not force:
         raise InputError(f"{file} exists; name another file, or replace it with --force")
     written = write_text(file, text)
@@ -213,8 +214,7 @@ def problem_text(
     from planner.machine.machine import Machine
     from planner.methods.registry import all_methods
 
-    for name, method in all_methods().items():
-        parts.append(_table_text(f"method.{name}", method.summary, method.options))
+    parts += [_table_text(f"method.{k}", m.summary, m.options) for k, m in all_methods().items()]
     about = "Commands that compensate the machine's systematic errors. With on = true the plans"
     about += " of all methods are compensated."
     parts.append(_table_text("compensation", about, CompensationTable))

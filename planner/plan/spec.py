@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from planner.plan.plan import COMPENSATED
+from planner.support.arrays import Frozen
 from planner.support.tables import line
 
 FEEDBACK = " + feedback"
@@ -17,7 +18,7 @@ FEEDBACK = " + feedback"
 
 
 @dataclass(frozen=True)
-class Spec:
+class Spec(Frozen):
     """A method, changes of its options, and what becomes of its plan.
 
     Attributes:

@@ -65,7 +65,7 @@ FINEST_SHARE = 2.0**-40
 smallest cells into which the integration splits a piece."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Check(Frozen):
     """Result of `verify`.
 

@@ -64,6 +64,8 @@ def test_of_a_plan_file_with_another_machine(
     assert max(len(line) for line in result.out.splitlines()) <= 80
     lines = [line for line in result.out.splitlines() if line.startswith("backlash ")]
     assert len(lines) == 1
+    for other in ("goal.duration=5", "feedback.run_up=false"):  # they would change nothing
+        assert run("budget", tmp_path / "plan.json", *SMALL, "--set", other).status == 2
 
 
 def test_without_a_plan_that_can_be_executed(run: Callable) -> None:

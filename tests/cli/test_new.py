@@ -51,7 +51,7 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
     problem = planner.load_problem(path)
     assert planner.solve(problem, METHOD.get(kind, "polynomial")).verified
     text = path.read_text()
-    assert f"planner check {path}" in text
+    assert f"planner check {shlex.quote(str(path))} " in text
     sections = re.split(r"^\[", text, flags=re.MULTILINE)[1:]
     said = {part.partition("]")[0]: part for part in sections}
     for name, field in FILES[kind].model_fields.items():
@@ -61,6 +61,12 @@ def test_a_new_file_solves_and_names_every_key(kind: str, run: Callable, tmp_pat
     for name, field in MethodsTable.model_fields.items():
         for key in keys(field.annotation):
             assert re.search(rf"(?m)^(# ?){key}( =|: not set)", said[f"method.{name}"]), key
+
+
+def test_a_new_file_can_be_read_whatever_its_name(run: Callable, tmp_path: Path) -> None:
+    path = tmp_path / "two\nlines.toml"
+    assert run("new", path).status == 0
+    assert planner.load_problem(path).source == str(path)
 
 
 @pytest.mark.parametrize("kind", FILES)

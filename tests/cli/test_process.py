@@ -115,6 +115,17 @@ def test_a_reader_that_leaves_is_no_error() -> None:
         assert job.wait(timeout=30) == 0
 
 
+def test_a_reader_of_the_messages_that_leaves_changes_neither_result_nor_status() -> None:
+    compared = ["compare", PAPER, "-n", "2", "--methods", "sinusoid", "--verbose"]
+    for words, status in [(["plan", "none.toml"], 2), (["plan", "--frob"], 2), (compared, 0)]:
+        with started([*PLANNER, *words]) as job:
+            assert job.stdout is not None
+            assert job.stderr is not None
+            job.stderr.close()
+            assert bool(job.stdout.read()) == (status == 0)
+            assert job.wait(timeout=60) == status
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device /dev/full")
 def test_a_full_disk_behind_standard_output_is_told() -> None:
     """Each command in a process that ends as one does, of which only the start is shared."""

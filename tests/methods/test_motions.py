@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -209,6 +210,18 @@ def test_a_player_sends_what_an_export_has(paper: Problem, tmp_path: Path) -> No
     np.testing.assert_allclose(sent, rows.u, atol=1e-12)
     assert not np.any(sent[-1])
     assert player(rows.t[-1] + 0.01, [0.0, 0.0, 0.0]) is None
+
+
+@pytest.mark.parametrize("period_s", [0.019, 0.3, 20.0])
+def test_the_last_command_of_a_player_is_zero_in_a_loop_that_runs_late(
+    paper: Problem, period_s: float
+) -> None:
+    for player in (Player(solve(paper, "collocation")), Player(homing(paper))):
+        for _ in "12":  # a second run with the same player, too
+            asked = (player(period_s * k, [1.0, 1.0, 1.0]) for k in itertools.count())
+            sent = [*itertools.takewhile(lambda u: u is not None, asked)]
+            assert len(sent) > 1
+            assert not np.any(sent[-1])
 
 
 def test_a_player_needs_a_reading_of_each_joint_but_may_miss_some(paper: Problem) -> None:

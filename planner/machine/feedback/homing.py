@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from planner.errors import ABOVE_ZERO, InputError, expect_number
 from planner.machine.feedback.course import DEFAULT_TICK_S
 from planner.machine.machine import Machine
-from planner.plan.plan import Plan, expect_plan, refuse_inexecutable
+from planner.plan.plan import Plan, refuse_inexecutable
 from planner.support.arrays import Array, floats
 
 RISE_SPREADS = 10.0
@@ -75,7 +75,7 @@ class Player:
     """Commands of a plan, period by period, for the loop of your own controller.
 
     A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them. The
-    last command is zero, because many controllers hold it.
+    last command is zero, however late it is asked for, because many controllers hold it.
 
     Args:
         plan: An executable plan.
@@ -89,13 +89,11 @@ class Player:
     def __init__(
         self, plan: Plan, period_s: float = DEFAULT_TICK_S, noise_deg: float = 0.0
     ) -> None:
-        expect_plan(plan)
         refuse_inexecutable(plan)
         expect_number("period_s", period_s, "a time > 0, in seconds", ABOVE_ZERO)
-        self._plan, self._period_s, self._rule = plan, period_s, None
+        self._plan, self._period_s, self._rule, self._moves = plan, period_s, None, True
         if "until" in plan.notes:
-            machine = Machine.ideal(encoder_noise_deg=noise_deg)
-            self._rule = HomingController(plan, machine, 1)
+            self._rule = HomingController(plan, Machine.ideal(encoder_noise_deg=noise_deg), 1)
 
     def __call__(self, t_s: float, theta_deg: ArrayLike) -> Array | None:
         """Return the commands to both motors, (2,), rad/s, from `t_s` on; None after the end.
@@ -116,6 +114,7 @@ class Player:
                 raise InputError(f"theta_deg = {theta_deg!r:.60}: give {joints} readings")
             self._rule(t_s, np.deg2rad([0.0, *read])[:, None])
             middle += float(self._rule.left_out_s[0])
-        if middle > self._plan.duration:
-            return np.zeros(2) if middle <= self._plan.duration + self._period_s else None
-        return np.asarray(self._plan.trajectory.u(middle))
+        moved, self._moves = self._moves, middle <= self._plan.duration
+        if self._moves:
+            return np.asarray(self._plan.trajectory.u(middle))
+        return np.zeros(2) if moved else None

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -224,7 +225,7 @@ def _plan_stay(problem: Problem, method: str, options: Any) -> Plan | None:
 
 
 def compensate(
-    plan: Plan | Problem,
+    plan: Plan | AnyProblem,
     machine: Machine | str | None = None,
     *,
     method: str = "collocation",
@@ -237,8 +238,8 @@ def compensate(
 
     Args:
         plan: A plan of an arm with friction disks (`system.kind = "manipulator"`), or a problem,
-            which is planned first. If the plan is already compensated, its original plan is
-            compensated again.
+            its file or its tables, which is planned first. If the plan is already compensated, its
+            original plan is compensated again.
         machine: The machine, or the name of a preset. By default the problem's `[machine]` table.
         method: The method that plans a problem.
         **options: Override the problem's `[compensation]` table, key by key:
@@ -259,8 +260,9 @@ def compensate(
             wrong.
         NoPlanError: If the plan cannot be compensated; the message says why.
     """
-    if isinstance(plan, Problem):
-        plain = plan.changed({"compensation.on": False}) if plan.compensation.on else plan
+    if isinstance(plan, Problem | str | Path | Mapping):
+        problem = problem_of(plan)
+        plain = problem.changed({"compensation.on": False}) if problem.compensation.on else problem
         plan = solve(plain, method)
     refuse_inexecutable(plan)
     plan = plan.compensates or plan

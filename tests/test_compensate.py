@@ -277,7 +277,7 @@ def test_only_arms_with_friction_disks(plain: Plan) -> None:
     with pytest.raises(planner.InputError, match="preparation"):
         planner.compensate(plain, preparation="backward")
     with pytest.raises(planner.InputError, match="is not a Plan"):
-        planner.compensate("plan.json")  # type: ignore[arg-type]
+        planner.compensate(3)  # type: ignore[arg-type]
 
 
 def test_what_needs_the_kinematics_says_so(better: Plan) -> None:

@@ -17,13 +17,7 @@ from planner.support.tables import facts
 from planner.sweep.description import Sweep
 from planner.sweep.design.design_file import StudyInput, read_design
 from planner.sweep.design.result import CASES_FILE, design_study
-from planner.sweep.results import (
-    export,
-    read,
-    recommend,
-    refuse_unexportable,
-    statuses_by_method,
-)
+from planner.sweep.results import export, read, recommend, refuse_unexportable, statuses_by_method
 from planner.sweep.run import run_sweep
 
 

@@ -12,14 +12,7 @@ from typing import Any
 import numpy as np
 
 from planner.comparison.headline import By, compare_pairs, headline, recommend, what_decides
-from planner.comparison.rows import (
-    FEEDBACK_NOTE,
-    Row,
-    column_names,
-    columns,
-    intervals,
-    verdict,
-)
+from planner.comparison.rows import FEEDBACK_NOTE, Row, column_names, columns, intervals, verdict
 from planner.errors import InputError, UnknownRowError
 from planner.machine.feedforward.legs import compensable
 from planner.machine.machine import Machine, load_machine

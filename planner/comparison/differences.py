@@ -11,13 +11,7 @@ import numpy as np
 from planner.comparison.comparison import Comparison
 from planner.support.package import Table
 from planner.support.statistics import Difference
-from planner.support.tables import (
-    Column,
-    csv_text,
-    markdown,
-    markdown_table,
-    terminal_table,
-)
+from planner.support.tables import Column, csv_text, markdown, markdown_table, terminal_table
 
 TINY_DEG = 1e-9
 """Difference below which a number is a rounding error and shown as 0, in degrees."""

@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from planner.sweep.description import Sweep
     from planner.sweep.sweep_file import Point
 
+STATUSES = {"solved", "interrupted", "bad_input", "bug", NoPlanError.status}
+STATUSES |= {kind.status for kind in NoPlanError.__subclasses__()}
+"""How a case may end."""
+
 COSTS: Mapping[str, str] = {
     "objective": "REAL",
     "iterations": "INTEGER",

@@ -18,7 +18,7 @@ from planner.errors import InputError, InputWarning
 from planner.problem.tables.kinds import local_only
 from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import Tell, expect_listener
-from planner.sweep.case import Case, Row, case_at, cases
+from planner.sweep.case import STATUSES, Case, Row, case_at, cases
 from planner.sweep.clients import Client
 from planner.sweep.cluster import ClusterPool
 from planner.sweep.description import Sweep
@@ -85,12 +85,15 @@ def run_sweep(
         progress: Called with the progress of the run.
 
     Raises:
-        InputError: If the sweep is wrong, the file or the cluster cannot be used, or a method or
-            system is registered only in this process.
+        InputError: If the sweep or a status is wrong, the file or the cluster cannot be used, or a
+            method or system is registered only in this process.
         KeyboardInterrupt: If interrupted; finished cases are saved.
     """
     tell = expect_listener(progress)
     expect_workers(workers, cluster)
+    if isinstance(retry, str) or not STATUSES.issuperset(retry):
+        allowed = ", ".join(sorted(STATUSES))
+        raise InputError(f"retry = {retry!r:.60}: must be a list of statuses; there are: {allowed}")
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
     start = time.perf_counter()

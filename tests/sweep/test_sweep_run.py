@@ -359,3 +359,12 @@ def test_how_the_arm_stood_before_can_be_varied(unlimited: planner.Problem, db: 
     assert run_sweep(tables, db, workers=0).statuses == {"solved": 2}
     forward, backward = column(db, "E_median_deg")
     assert 2 * forward < backward
+
+
+@pytest.mark.parametrize("retry", ["bug", ["solvd"], ["bug", "verification failed"]])
+def test_a_status_that_no_case_can_have_is_refused_before_anything_is_written(
+    tables: Tables, db: Path, retry: Any
+) -> None:
+    with pytest.raises(planner.InputError, match="verification_failed"):
+        run_sweep(tables, db, workers=0, retry=retry)
+    assert not db.exists()

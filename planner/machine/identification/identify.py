@@ -14,12 +14,7 @@ import numpy as np
 from planner.errors import InputError, expect_number
 from planner.machine.identification.diagnosis import longest_standstill, refuse_misfit
 from planner.machine.identification.fit import BestFit, fit, step_with_zeros
-from planner.machine.identification.model import (
-    KNOWN_DEG,
-    LEAST_NOISE_DEG,
-    LogModel,
-    known_row,
-)
+from planner.machine.identification.model import KNOWN_DEG, LEAST_NOISE_DEG, LogModel, known_row
 from planner.machine.identification.parameters import FitParameter, Parameters
 from planner.machine.machine import Machine, machine_for
 from planner.plan.recorded.log import Log, expect_log

@@ -14,13 +14,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from planner.problem.tables.problem_file import (
-    BaseLimits,
-    Free,
-    GoalTable,
-    NamedFile,
-    ProblemFile,
-)
+from planner.problem.tables.problem_file import BaseLimits, Free, GoalTable, NamedFile, ProblemFile
 from planner.support.arrays import Array
 from planner.support.user_tables import Positive, Table
 from planner.systems.vehicles import Car, Trailers, Unicycle

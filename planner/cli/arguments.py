@@ -7,7 +7,7 @@ here, or a function of the help text if the help differs between commands.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
@@ -138,6 +138,22 @@ Samples = Annotated[
     int, typer.Option("--samples", "-n", min=1, help="Number of random machines for each plan.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
+
+
+def refuse_idle(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Refuse options on the command line that have no effect.
+
+    Args:
+        context: The command's call.
+        names: Names of the command's arguments.
+        why: Why they have no effect.
+
+    Raises:
+        InputError: If any of them is given.
+    """
+    found = {name: context.get_parameter_source(name) for name in names}
+    if idle := [f"--{name}" for name, kind in found.items() if kind and kind.name != "DEFAULT"]:
+        raise InputError(f"{' and '.join(idle)}: without effect, since {why}")
 
 
 def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:

@@ -23,6 +23,7 @@ from planner.cli.arguments import (
     is_plan,
     join_methods,
     read_problem,
+    refuse_idle,
 )
 from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_rows
@@ -49,6 +50,7 @@ from planner.verification.verdict import load_plan
 
 
 def sensitivity(
+    context: typer.Context,
     source: PlanOrProblemPath,
     method: MethodName = "collocation",
     methods: PlannedMethods = None,
@@ -85,9 +87,14 @@ def sensitivity(
       planner sensitivity plan.json --json
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
+    if pareto is None:
+        refuse_idle(context, ["points", "samples", "seed"], "--pareto is missing")
+    if is_plan(source):
+        refuse_idle(context, ["method", "methods", "pareto"], f"{source} is a plan")
+    if methods is not None:
+        refuse_idle(context, ["method"], "--methods is given")
     if pareto is not None:
-        if methods is not None:
-            raise InputError("--pareto and --methods contradict each other; give one of them")
+        refuse_idle(context, ["method", "methods", "machine"], "--pareto is given")
         return _trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     refuse_unwritable_folder(out)
     if (named := join_methods(methods)) is not None:

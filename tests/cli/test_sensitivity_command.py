@@ -50,6 +50,8 @@ def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_p
     plan = planner.solve(planner.load_problem(PAPER), "collocation")
     plan.save(tmp_path / "plan.json")
     data = run("sensitivity", tmp_path / "plan.json", "--json").json
+    other = run("sensitivity", tmp_path / "plan.json", "--method", "sinusoid")
+    assert (other.status, "--method: without effect" in other.err) == (2, True)
     found = planner.sensitivity(plan)
     np.testing.assert_allclose(data["matrix"], found.terminal)
     assert data["passive_block_deg"] == pytest.approx(found.passive_block_deg())
@@ -106,7 +108,9 @@ def test_methods_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
 def test_what_cannot_stand_side_by_side(run: Callable[..., Any], tmp_path: Path) -> None:
     for words, says in (
         (["--methods", "collocation + feedback"], "only replays have feedback"),
-        (["--methods", "collocation", "--pareto", "effort"], "contradict each other"),
+        (["--methods", "collocation", "--pareto", "effort"], "--methods: without effect"),
+        (["--methods", "collocation", "-m", "convex"], "--method: without effect"),
+        (["--points", "20", "--seed", "1"], "--points and --seed: without effect"),
         (["--methods", "polynomial:points=[[5.0,0.5]]"], "no plan can be executed"),
     ):
         result = run("sensitivity", PAPER, *words)

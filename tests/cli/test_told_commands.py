@@ -56,7 +56,7 @@ REFUSED = {
 """Commands that are told because they end with status 3."""
 ELSEWHERE = re.compile(r"tcp://host")
 """Needs another computer."""
-FEW = {"compare": "50", "budget": "50", "sensitivity": "20", "reproduce": "50"}
+FEW = {"compare": "50", "budget": "50", "reproduce": "50"}
 SMALLER = {
     "problems/designs/gear-ratios.toml": {
         "[0.6, 0.8, 1.0, 1.25, 1.6]": "[0.8, 1.0]",

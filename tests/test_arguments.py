@@ -224,6 +224,10 @@ def test_other_arguments_are_told(plan: planner.Plan) -> None:
         (lambda: planner.compare(problem, [3]), "give a list of names, for example"),  # type: ignore[list-item]
         (lambda: planner.solve(problem, ["convex"]), "unknown method"),  # type: ignore[arg-type]
         (lambda: planner.solve(problem, warm=problem), NO_PLAN),
+        (lambda: planner.replay(plan, after=3), "is not a Replay"),  # type: ignore[arg-type]
+        (lambda: planner.replay(plan).percentile(101), "from 0 to 100"),
+        (lambda: planner.sensitivities([plan]), "give plans by label"),  # type: ignore[arg-type]
+        (lambda: plan.save(None), NO_NAME),  # type: ignore[arg-type]
     ):
         with pytest.raises(planner.InputError, match=words):
             call()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import ABOVE_ZERO, InputError, expect_number
+from planner.errors import ABOVE_ZERO, InputError, expect, expect_number
 from planner.machine.closed_loop import Feedback, encoder_readings
 from planner.machine.friction.contacts import contact_name
 from planner.machine.limits import (
@@ -176,7 +176,12 @@ class Replay(Recording, Frozen):
         return np.asarray(np.any(self.margin[:, kinds] < 0, axis=1))
 
     def percentile(self, percent: float) -> float:
-        """Return the percentile (0 … 100) of E over the samples, degrees; 50 is the median."""
+        """Return the percentile (0 … 100) of E over the samples, degrees; 50 is the median.
+
+        Raises:
+            InputError: If the argument is no number from 0 to 100.
+        """
+        expect_number("percent", percent, "a number from 0 to 100", 0.0, 100.0)
         return float(np.percentile(self.index_E_deg, percent))
 
     @cached_property
@@ -501,11 +506,12 @@ def _draws(
     """Return the machines `numbers`, as drawn or as the run `after` left them.
 
     Raises:
-        InputError: If `after` is of other machines, or of another system.
+        InputError: If `after` is no run, or of other machines or another system.
     """
     draws = draw(machine, plan.problem.system.size - 1, numbers, seed)
     if after is None:
         return draws
+    expect(Replay, after, "planner.replay(plan) makes one")
     before = after.machine.with_(start_state="unwound"), after.seed, after.plan.problem.system
     same = before == (machine.with_(start_state="unwound"), seed, plan.problem.system)
     if not same or not np.isin(numbers, after.numbers).all():

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from planner.errors import InputError
+from planner.errors import InputError, expect
 from planner.machine.feedforward.legs import compensable
 from planner.methods.registry import parse_spec
 from planner.plan.measures import effort, effort_unit, turns
@@ -215,8 +215,9 @@ def sensitivities(
         spread: Standard deviations of the errors; see `Sensitivity.total_deg`.
 
     Raises:
-        InputError: If no plan is left, or the plans have different systems.
+        InputError: If no plan is left, the plans have different systems, or they have no labels.
     """
+    expect(Mapping, plans, "give plans by label, for example comparison.plans")
     for plan in filter(None, plans.values()):
         expect_plan(plan)
     executable = {k: plan for k, plan in plans.items() if plan is not None and plan.executable}

@@ -46,7 +46,7 @@ def write_text(path: str | Path, text: str) -> Path:
 def write_bytes(path: str | Path, content: bytes) -> Path:
     """Write a binary file in the same way as `write_text`."""
     refuse_unwritable(path)
-    target = Path(path)
+    target = expect_path(path)
     try:
         # The resolved name of a pipe, as behind /dev/stdout, is none that can be opened.
         if target.exists() and not target.is_file():

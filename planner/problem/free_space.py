@@ -40,9 +40,10 @@ the tolerance of verification."""
 WIDEST_RAD = 1.5
 """Angle up to which a path is searched if a joint has no limit."""
 
-STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 3000, 60
-"""Longest step of a tree from one pose to the next; largest number of poses drawn in a search
-(successful ones need 1 to 1,200); and number of shortcuts that are tried."""
+STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 5000, 60
+"""Longest step of a tree from one pose to the next; largest number of poses drawn in a search for
+each joint after the first (of three joints beside 100 posts in the way three need more than 3,000
+poses in all); and number of shortcuts that are tried."""
 
 MOST_PARTS = 20_000
 """Largest number of parts of a segment; a segment that needs more counts as touching a disc."""
@@ -102,47 +103,50 @@ def find_way(problem: Problem, seed: int = 0) -> Array | None:
     if not problem.obstacles:
         return None
     start, goal, rng = problem.start[1:], problem.likely.goal[1:], np.random.default_rng(seed)
-    box, trees = _box(problem), ([(start, -1)], [(goal, -1)])
-    for _ in range(MOST_SAMPLES):
-        tree, other = trees
-        new = _grow(problem, tree, rng.uniform(-box, box))
-        while new is not None and (met := _grow(problem, other, new)) is not None:
+    box, trees = _box(problem), (_Tree(problem, start), _Tree(problem, goal))
+    for k in range(MOST_SAMPLES * (len(start) - 1)):
+        tree, other = trees[k % 2], trees[1 - k % 2]
+        new = tree.grow(rng.uniform(-box, box))
+        while new is not None and (met := other.grow(new)) is not None:
             if met is new:
-                one, rest = _branch(tree), _branch(other)
-                way = [*one, *rest[-2::-1]] if one[0] is start else [*rest, *one[-2::-1]]
-                return _shorten(problem, way, rng)
-        trees = other, tree
+                way, back = (each.branch() for each in trees)
+                return _shorten(problem, [*way, *back[-2::-1]], rng)
     return None
 
 
-Tree = list[tuple[Array, int]]
-"""Poses of a search tree, each with the number of the pose from which it was reached."""
+class _Tree:
+    """A search tree: poses, and for each the number of the pose from which it was reached."""
 
+    def __init__(self, problem: Problem, root: Array) -> None:
+        self._problem, self._origins = problem, [-1]
+        self._poses = np.tile(root, (64, 1))
 
-def _grow(problem: Problem, tree: Tree, towards: Array) -> Array | None:
-    """Add to a tree the pose one step from the tree's nearest pose in the direction of `towards`.
+    def grow(self, towards: Array) -> Array | None:
+        """Add the pose one step from the nearest pose in the direction of `towards`.
 
-    Returns:
-        The new pose: `towards` itself if within one step; None if a disc is in the way.
-    """
-    poses = np.array([pose for pose, _ in tree])
-    k = int(np.argmin(np.linalg.norm(poses - towards, axis=1)))
-    step = towards - poses[k]
-    length = float(np.linalg.norm(step))
-    new = towards if length <= STEP_RAD else poses[k] + step * (STEP_RAD / length)
-    if not is_clear(problem, poses[k], new):
-        return None
-    tree.append((new, k))
-    return new
+        Returns:
+            The new pose: `towards` itself if within one step; None if a disc is in the way.
+        """
+        count = len(self._origins)
+        steps = towards - self._poses[:count]
+        k = int(np.argmin(np.linalg.norm(steps, axis=1)))
+        here, length = self._poses[k].copy(), float(np.linalg.norm(steps[k]))
+        new = towards if length <= STEP_RAD else here + steps[k] * (STEP_RAD / length)
+        if not is_clear(self._problem, here, new):
+            return None
+        if count == len(self._poses):
+            self._poses = np.concatenate([self._poses, self._poses])
+        self._poses[count] = new
+        self._origins.append(k)
+        return new
 
-
-def _branch(tree: Tree) -> list[Array]:
-    """Return the poses on the way from the root of a tree to the pose added last."""
-    out, k = list[Array](), len(tree) - 1
-    while k >= 0:
-        pose, k = tree[k]
-        out.append(pose)
-    return out[::-1]
+    def branch(self) -> list[Array]:
+        """Return the poses on the way from the root to the pose added last."""
+        out, k = list[Array](), len(self._origins) - 1
+        while k >= 0:
+            out.append(self._poses[k])
+            k = self._origins[k]
+        return out[::-1]
 
 
 def _shorten(problem: Problem, way: list[Array], rng: np.random.Generator) -> Array:

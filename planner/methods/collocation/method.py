@@ -174,7 +174,7 @@ def _plan_from(
         except deadline.TimeUpError:
             if warm is not None and not record.holds():
                 raise
-        if candidate is None and span.was_reached:  # if only by what was to be refined
+        if candidate is None and span.was_reached:  # perhaps only a refinement was cut short
             candidate = _finish_best(record, span, problem, options)
         if candidate is None:
             raise refusal(problem, record, options)

@@ -40,10 +40,13 @@ the tolerance of verification."""
 WIDEST_RAD = 1.5
 """Angle up to which a path is searched if a joint has no limit."""
 
-STEP_RAD, MOST_SAMPLES, SHORTCUTS = 0.35, 5000, 60
-"""Longest step of a tree from one pose to the next; largest number of poses drawn in a search for
-each joint after the first (of three joints beside 100 posts in the way three need more than 3,000
-poses in all); and number of shortcuts that are tried."""
+STEP_RAD, SHORTCUTS = 0.35, 60
+"""Longest step of a tree from one pose to the next, and number of shortcuts that are tried."""
+
+MOST_SAMPLES, FEW_SAMPLES = 5000, 3000
+"""Largest number of poses drawn in the first search for a way, for each joint after the first; and
+in all in each search for another way. Of 100 posts in the way of three joints two leave none but
+narrow ways, which took 5,000 and 10,000 poses."""
 
 MOST_PARTS = 20_000
 """Largest number of parts of a segment; a segment that needs more counts as touching a disc."""
@@ -97,6 +100,10 @@ def find_way(problem: Problem, seed: int = 0) -> Array | None:
     Two trees of poses grow from start and goal towards poses drawn at random, until they meet. The
     path ignores the kinematics.
 
+    Args:
+        problem: The problem.
+        seed: Seed of the poses. The first search, with 0, draws most.
+
     Returns:
         Corners of the path, shape (M, n), radians; None if there are no discs or no path is found.
     """
@@ -104,7 +111,8 @@ def find_way(problem: Problem, seed: int = 0) -> Array | None:
         return None
     start, goal, rng = problem.start[1:], problem.likely.goal[1:], np.random.default_rng(seed)
     box, trees = _box(problem), (_Tree(problem, start), _Tree(problem, goal))
-    for k in range(MOST_SAMPLES * (len(start) - 1)):
+    samples = FEW_SAMPLES if seed else MOST_SAMPLES * (len(start) - 1)
+    for k in range(samples):
         tree, other = trees[k % 2], trees[1 - k % 2]
         new = tree.grow(rng.uniform(-box, box))
         while new is not None and (met := other.grow(new)) is not None:

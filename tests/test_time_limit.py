@@ -120,6 +120,9 @@ def test_motions_that_there_is_no_time_to_refine_are_refused_for_that(
         planner.solve(posts, attempts=1)
     assert refusal.value.plan is not None
     assert refusal.value.advice is not None
+    with pytest.raises(planner.NotConvergedError) as too_short:  # without a motion it says why
+        planner.solve(posts.changed({"goal.duration": 3.3}), attempts=1)
+    assert too_short.value.violations
 
 
 def test_ctrl_c_ends_the_searches_among_posts_together(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,20 +140,20 @@ Samples = Annotated[
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the random machines.")]
 
 
-def refuse_idle(context: typer.Context, names: Iterable[str], why: str) -> None:
-    """Refuse options on the command line that have no effect.
+def refuse_given(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Refuse options that the user has given although they cannot be used.
 
     Args:
         context: The command's call.
         names: Names of the command's arguments.
-        why: Why they have no effect.
+        why: What is wrong with giving them, for the message.
 
     Raises:
         InputError: If any of them is given.
     """
     found = {name: context.get_parameter_source(name) for name in names}
-    if idle := [f"--{name}" for name, kind in found.items() if kind and kind.name != "DEFAULT"]:
-        raise InputError(f"{' and '.join(idle)}: without effect, since {why}")
+    if given := [f"--{name}" for name, kind in found.items() if kind and kind.name != "DEFAULT"]:
+        raise InputError(f"{' and '.join(given)}: {why}")
 
 
 def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:

@@ -23,7 +23,7 @@ from planner.cli.arguments import (
     is_plan,
     join_methods,
     read_problem,
-    refuse_idle,
+    refuse_given,
 )
 from planner.cli.output import explain_interruption, finish, job, number
 from planner.comparison.compare import plan_rows
@@ -88,13 +88,17 @@ def sensitivity(
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
     if pareto is None:
-        refuse_idle(context, ["points", "samples", "seed"], "--pareto is missing")
+        refuse_given(
+            context, ["points", "samples", "seed"], "without effect, unless --pareto is given"
+        )
     if is_plan(source):
-        refuse_idle(context, ["method", "methods", "pareto"], f"{source} is a plan")
+        refuse_given(
+            context, ["method", "methods", "pareto"], f"for a problem, but {source} is a plan"
+        )
     if methods is not None:
-        refuse_idle(context, ["method"], "--methods is given")
+        refuse_given(context, ["method", "machine"], "without effect beside --methods")
     if pareto is not None:
-        refuse_idle(context, ["method", "methods", "machine"], "--pareto is given")
+        refuse_given(context, ["method", "methods", "machine"], "without effect beside --pareto")
         return _trade_off(source, pareto, points, (samples, seed), changes=changes, out=out)
     refuse_unwritable_folder(out)
     if (named := join_methods(methods)) is not None:

@@ -44,10 +44,6 @@ if TYPE_CHECKING:
     from planner.sweep.description import Sweep
     from planner.sweep.sweep_file import Point
 
-STATUSES = {"solved", "interrupted", "bad_input", "bug", NoPlanError.status}
-STATUSES |= {kind.status for kind in NoPlanError.__subclasses__()}
-"""How a case may end."""
-
 COSTS: Mapping[str, str] = {
     "objective": "REAL",
     "iterations": "INTEGER",
@@ -165,6 +161,12 @@ def _machine_of(text: str) -> dict[str, Any]:
 
 _casadi_lock = threading.Lock()
 """Lock around CasADi, which is not thread-safe: a Dask worker may have several threads."""
+
+
+def possible_statuses() -> set[str]:
+    """Return how a case may end."""
+    refusals = {kind.status for kind in NoPlanError.__subclasses__()}
+    return {"solved", "interrupted", "bad_input", "bug", NoPlanError.status} | refusals
 
 
 def run_case(request: Request) -> Row:

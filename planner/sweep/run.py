@@ -18,7 +18,7 @@ from planner.errors import InputError, InputWarning
 from planner.problem.tables.kinds import local_only
 from planner.support.interrupts import Terminated, hold_signals
 from planner.support.progress import Tell, expect_listener
-from planner.sweep.case import STATUSES, Case, Row, case_at, cases
+from planner.sweep.case import Case, Row, case_at, cases, possible_statuses
 from planner.sweep.clients import Client
 from planner.sweep.cluster import ClusterPool
 from planner.sweep.description import Sweep
@@ -91,9 +91,10 @@ def run_sweep(
     """
     tell = expect_listener(progress)
     expect_workers(workers, cluster)
-    if isinstance(retry, str) or not STATUSES.issuperset(retry):
-        allowed = ", ".join(sorted(STATUSES))
-        raise InputError(f"retry = {retry!r:.60}: must be a list of statuses; there are: {allowed}")
+    possible = possible_statuses()
+    if isinstance(retry, str) or not possible.issuperset(retry):
+        allowed = ", ".join(sorted(possible))
+        raise InputError(f"retry = {retry!r:.60}: must be a list of statuses, which are {allowed}")
     if not isinstance(sweep, Sweep):
         sweep = Sweep.from_dict(sweep) if isinstance(sweep, Mapping) else Sweep.load(sweep)
     start = time.perf_counter()

@@ -112,9 +112,7 @@ class PlanFigures(Frozen):
         Heading("time", "s", key="duration_s"), plan=lambda plan, _: plan.duration
     )
     effort: float = figure(
-        Heading("effort", effort_unit, 4),
-        plan=lambda plan, _: plan.effort,
-        executable=True,
+        Heading("effort", effort_unit, 4), plan=lambda plan, _: plan.effort, executable=True
     )
     peak_u: tuple[float, float] = figure(
         Heading("|u1|", lambda system: system.inputs[0].unit, key="peak_u1", unit_in_key=True),

@@ -51,7 +51,7 @@ def test_json_of_a_saved_plan_matches_the_library(run: Callable[..., Any], tmp_p
     plan.save(tmp_path / "plan.json")
     data = run("sensitivity", tmp_path / "plan.json", "--json").json
     other = run("sensitivity", tmp_path / "plan.json", "--method", "sinusoid")
-    assert (other.status, "--method: without effect" in other.err) == (2, True)
+    assert (other.status, "--method: for a problem" in other.err) == (2, True)
     found = planner.sensitivity(plan)
     np.testing.assert_allclose(data["matrix"], found.terminal)
     assert data["passive_block_deg"] == pytest.approx(found.passive_block_deg())
@@ -110,6 +110,7 @@ def test_what_cannot_stand_side_by_side(run: Callable[..., Any], tmp_path: Path)
         (["--methods", "collocation + feedback"], "only replays have feedback"),
         (["--methods", "collocation", "--pareto", "effort"], "--methods: without effect"),
         (["--methods", "collocation", "-m", "convex"], "--method: without effect"),
+        (["--methods", "collocation", "--no-machine"], "--machine: without effect"),
         (["--points", "20", "--seed", "1"], "--points and --seed: without effect"),
         (["--methods", "polynomial:points=[[5.0,0.5]]"], "no plan can be executed"),
     ):

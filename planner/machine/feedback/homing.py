@@ -75,7 +75,8 @@ class Player:
     """Commands of a plan, period by period, for the loop of your own controller.
 
     A motion of `planner.homing` ends its slow turn by the encoders; other plans ignore them. The
-    last command is zero, however late it is asked for, because many controllers hold it.
+    last command is zero, however late it is asked for, because many controllers hold it. When the
+    time goes back to the beginning, a new run begins.
 
     Args:
         plan: An executable plan.
@@ -91,9 +92,14 @@ class Player:
     ) -> None:
         refuse_inexecutable(plan)
         expect_number("period_s", period_s, "a time > 0, in seconds", ABOVE_ZERO)
-        self._plan, self._period_s, self._rule, self._moves = plan, period_s, None, True
-        if "until" in plan.notes:
-            self._rule = HomingController(plan, Machine.ideal(encoder_noise_deg=noise_deg), 1)
+        self._plan, self._period_s, self._noise_deg = plan, period_s, noise_deg
+        self._begin()
+
+    def _begin(self) -> None:
+        self._rule, self._moves, self._time_s = None, True, 0.0
+        if "until" in self._plan.notes:
+            machine = Machine.ideal(encoder_noise_deg=self._noise_deg)
+            self._rule = HomingController(self._plan, machine, 1)
 
     def __call__(self, t_s: float, theta_deg: ArrayLike) -> Array | None:
         """Return the commands to both motors, (2,), rad/s, from `t_s` on; None after the end.
@@ -107,7 +113,9 @@ class Player:
                 other than n readings.
         """
         expect_number("t_s", t_s, "a time, in seconds", -math.inf)
-        middle = t_s + self._period_s / 2
+        if t_s < self._time_s / 2:
+            self._begin()
+        self._time_s, middle = t_s, t_s + self._period_s / 2
         if self._rule is not None:
             read, joints = floats("theta_deg", theta_deg), self._plan.problem.system.size - 1
             if read.shape != (joints,):

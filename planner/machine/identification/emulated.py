@@ -53,9 +53,4 @@ def emulate_log(
     if is_homing:
         rule = HomingRule().start(plan, used, run.numbers)
         u = np.array([rule(time, q[:, None])[0, :, 0] for time, q in zip(t, read, strict=True)])
-    return Log(
-        t=t,
-        u=u,
-        theta=read[:, 1:],
-        source=f"{plan.method} on emulated machine {sample}",
-    )
+    return Log(t=t, u=u, theta=read[:, 1:], source=f"{plan.method} on emulated machine {sample}")

@@ -168,13 +168,13 @@ def _plan_from(
         deadline.time_limit(options.time_limit_s),
         deadline.time_limit(None, has_answer=record.holds) as span,
     ):
-        candidate = None
         try:
             candidate = max(search.run(), key=lambda each: each.rank, default=None)
+            if candidate is None and span.was_reached and record.holds():
+                raise deadline.TimeUpError  # it cut the refinement of a motion short
         except deadline.TimeUpError:
             if warm is not None and not record.holds():
                 raise
-        if candidate is None and span.was_reached:  # perhaps only a refinement was cut short
             candidate = _finish_best(record, span, problem, options)
         if candidate is None:
             raise refusal(problem, record, options)
@@ -223,10 +223,7 @@ def _finish_best(
 
 
 def plan_of(
-    problem: Problem,
-    candidate: Candidate,
-    notes: dict[str, Any],
-    options: CollocationOptions,
+    problem: Problem, candidate: Candidate, notes: dict[str, Any], options: CollocationOptions
 ) -> Plan:
     """Make the plan of a refined candidate."""
     job, solution, search = candidate.task, candidate.solution, progress.current_progress()

@@ -34,13 +34,7 @@ from planner.errors import InputError
 from planner.methods.collocation.best import Candidate, Exactness, Record, polish
 from planner.methods.collocation.between_nodes import clears
 from planner.methods.collocation.discs import time_clear
-from planner.methods.collocation.guesses import (
-    guess,
-    mesh_through,
-    rebalance,
-    seeds,
-    sides,
-)
+from planner.methods.collocation.guesses import guess, mesh_through, rebalance, seeds, sides
 from planner.methods.collocation.long_arms.exact_motion import exact_motion
 from planner.methods.collocation.long_arms.ladder import find_arm_path, has_ladder, time_arm_path
 from planner.methods.collocation.path import (

@@ -15,12 +15,7 @@ from planner.errors import solver_answer
 from planner.methods.collocation.solvers import Settings, SolverAnswer, attempts, backend
 from planner.methods.collocation.transcription.bounds import Bounds, InputDemands, bounds
 from planner.methods.collocation.transcription.follower import MIDDLES, PARTS
-from planner.methods.collocation.transcription.form import (
-    Form,
-    Mesh,
-    Units,
-    natural_units,
-)
+from planner.methods.collocation.transcription.form import Form, Mesh, Units, natural_units
 from planner.methods.collocation.transcription.transcription import Transcription, transcription
 from planner.methods.collocation.transcription.unknowns import (
     STEPS,

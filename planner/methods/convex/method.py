@@ -240,10 +240,7 @@ def _notes(problem: Problem, band: Band, search: BestTravel, best: ClassOptimum)
             "proof": "cutting planes; the domain proven on every piece" if band.complete else proof,
             "domain_excess_bound": best.proven if band.complete else None,
         },
-        "solver": {
-            "programmes": best.rounds,
-            "row_excess": max(best.final.excess, -1.0),
-        },
+        "solver": {"programmes": best.rounds, "row_excess": max(best.final.excess, -1.0)},
     }
 
 

@@ -249,11 +249,7 @@ REFINED = 3
 
 
 def search_candidates(
-    problem: Problem,
-    make: Make,
-    grid: Array,
-    steps: Array,
-    criterion: Criterion = "peak",
+    problem: Problem, make: Make, grid: Array, steps: Array, criterion: Criterion = "peak"
 ) -> BestCandidate:
     """Find the free numbers of least cost: scan a grid, then search from the best candidates.
 

@@ -9,7 +9,7 @@ import socket
 import time
 import warnings
 from collections.abc import Mapping
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from functools import partial
 from typing import Any
@@ -61,6 +61,7 @@ class ClusterPool(Pool):
         # We report a lost connection in one message; silence the pages that Dask logs about it.
         for part in ("batched", "client", "core", "utils"):
             logging.getLogger(f"distributed.{part}").setLevel(logging.CRITICAL)
+        logging.getLogger("tornado.application").addFilter(_is_no_cancellation)
         self._name = f"the Dask scheduler at {shorten(address)}"
         self._failure = (
             f"the Dask cluster at {shorten(address)} has failed; finished cases are saved, and the"
@@ -170,6 +171,11 @@ class ClusterPool(Pool):
         """Cancel running and waiting cases, and disconnect from the cluster."""
         self._executor.shutdown(wait=False)
         self._client.close()
+
+
+def _is_no_cancellation(record: logging.LogRecord) -> bool:
+    """Return whether a log entry is of anything but a case that `close` has cancelled."""
+    return not (record.exc_info and isinstance(record.exc_info[1], CancelledError))
 
 
 def _greets(address: str) -> bool:

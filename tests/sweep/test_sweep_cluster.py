@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import signal
@@ -249,6 +250,20 @@ def test_an_end_of_a_run_or_a_scheduler_is_told_in_our_words(
         says = "planner: interrupted; finished cases are in sweep.sqlite; the same command"
         assert (run.returncode, out.startswith(says)) == (130, True), out
     assert len(out.strip().splitlines()) == 1
+
+
+def test_of_cases_that_the_end_of_a_run_cancels_nothing_is_logged(
+    scheduler: Scheduler, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Dask's thread may find them cancelled while it waits for them; other errors are shown."""
+    from distributed.client import FutureCancelledError
+
+    ClusterPool(scheduler.address).close()
+    for error in (FutureCancelledError("run_case-1", "unknown"), OSError("another")):
+        logging.getLogger("tornado.application").error("in a callback", exc_info=error)
+    (told,) = caplog.records
+    assert told.exc_info is not None
+    assert isinstance(told.exc_info[1], OSError)
 
 
 def test_a_cluster_that_is_not_there_is_told(

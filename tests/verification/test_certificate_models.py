@@ -217,7 +217,8 @@ def whole_ball(value: float) -> Ball:
 )
 def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> None:
     """A point on the line of a link of length 0.7, at a along it: from behind its base (a > 0)
-    to beyond its end. On one range of a the bound is the distance itself."""
+    to beyond its end. On one range of a the bound is the distance itself, and across two ranges it
+    is at both ends."""
     length, middle, half = 0.7, (low + high) / 2, (high - low) / 2
     x = np.linspace(-1, 1, 41)
     a = middle + half * x
@@ -229,3 +230,5 @@ def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> No
     assert np.all(bound - found.r <= truth + 1e-12)
     if low >= 0 or high <= -length or (high <= 0 and low >= -length):
         assert bound == pytest.approx(truth, abs=1e-12)
+    else:
+        assert bound[[0, -1]] == pytest.approx(truth[[0, -1]], abs=1e-12)

@@ -477,6 +477,9 @@ def test_a_clearance_is_kept_beyond_the_disc() -> None:
         " obstacle, or lower clearance_m to 0.0999 or less"
     )
     assert Obstacle.easing([near]) == "obstacles.clearance_m = 0.0999 or less"
+    touching = _broken(disc, 0.0, 1)  # of clearances only zero would do
+    assert "clearance_m" not in disc.contradiction_text("goal", touching)
+    assert "clearance_m" not in Obstacle.easing([touching])
 
 
 @pytest.mark.parametrize("kind", [Obstacle(1, 3, 1.0, 1.0, 0.2), Z2Margin(0.1, 1)])

@@ -71,9 +71,11 @@ def test_a_link_that_turns_once_has_two_branches(value: float, sign: float) -> N
 
 
 def test_there_is_no_branch_where_a_slope_turns_but_for_rounding() -> None:
-    """y' = sin θ turns at π/2, where the cosine of the nearest number is 6e-17."""
-    system = unicycle(slopes=["sin(theta)"], intervals={"theta": (0.0, np.pi)})
-    for theta, sign in ((np.pi / 2 - 1e-6, 1), (np.pi / 2, 0), (np.pi / 2 + 1e-6, -1), (np.pi, 0)):
+    """y' = sin θ turns at π/2, where the cosine of the nearest number is 6e-17. Nor is there any at
+    the ends of the interval."""
+    system, turn = unicycle(slopes=["sin(theta)"], intervals={"theta": (0.0, np.pi)}), np.pi / 2
+    signs = {0.0: 0, 1e-6: 1, turn - 1e-6: 1, turn: 0, turn + 1e-6: -1, np.pi: 0}
+    for theta, sign in signs.items():
         assert system.branch(np.array([0.0, theta, 0.0]))[1] == sign
 
 

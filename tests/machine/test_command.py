@@ -19,6 +19,7 @@ from planner.machine.commands import (
     merge_times,
     refine_times,
     snap_times,
+    stretches,
     subdivide,
 )
 
@@ -181,6 +182,13 @@ def test_subdivided_holds_its_times_and_no_step_is_too_long() -> None:
     assert np.all(np.diff(grid) > 0)
     assert np.diff(grid).max() <= 1e-3 * (1 + 1e-9)
     assert len(grid) == 1 + 1 + 10 + 990
+
+
+def test_a_run_of_which_only_the_ends_are_recorded_is_cut_too() -> None:
+    times = np.array([0.0, 10.0])
+    cut = stretches(times, 0.0, 2.0)
+    assert [(grid[0], grid[-1]) for grid, _ in cut] == [(t, t + 2.0) for t in range(0, 10, 2)]
+    np.testing.assert_array_equal(np.concatenate([times[rows] for _, rows in cut]), times)
 
 
 def test_snapped() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import planner
 from planner import Plan
-from planner.machine.feedforward.follow import follow
+from planner.machine.feedforward.follow import follow, with_prediction
 from planner.machine.feedforward.legs import preparation
 from planner.machine.feedforward.shaping import CommandShape, round_to_grid
 from planner.problem.tables.problem_file import CompensationTable
@@ -63,6 +63,13 @@ def test_the_lag_of_servos_and_delay_is_taken_off(plan: Plan) -> None:
     after = missed_deg(plan, machine, after_s=1.0, lag=True)
     assert before > 0.7  # 0.08 s of lag at 0.18 rad/s and more
     assert after < before / 10
+
+
+def test_a_prediction_covers_the_plan_and_no_more(plan: Plan) -> None:
+    machine = planner.Machine.ideal(servo_bandwidth_rad_s=20.0)
+    predicted = with_prediction(plan, machine)
+    assert (predicted.t[0], predicted.t[-1]) == (0.0, plan.duration)
+    assert set(plan.t) <= set(predicted.t)
 
 
 def test_gearheads_are_crossed_at_each_reversal(plan: Plan) -> None:

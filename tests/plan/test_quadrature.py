@@ -107,6 +107,20 @@ def test_the_greatest_of_many_cells_need_not_be_in_the_highest_samples() -> None
     assert when[0] == pytest.approx(5 + top[5], abs=1e-7)
 
 
+def test_of_two_tops_in_a_cell_the_greater_may_have_the_lower_samples() -> None:
+    """T₁₅ less a slope: its first top is between two close samples; its last, lower one is at the
+    cell's end."""
+    cells, series = Cells.of(np.array([0.0, 2.0])), np.eye(16)[15] - 1e-3 * np.eye(16)[1]
+    values = chebval(_times(cells) - 1, series)
+    close = chebval(-np.cos(np.pi * np.arange(129) / 128), series)
+    assert np.argmax(close) == 128
+    turns = chebroots(chebder(series))
+    first = turns[np.argmax(chebval(turns, series))]
+    found, when = quadrature.greatest(cells, values[..., None])
+    assert found[0] == pytest.approx(chebval(first, series), rel=1e-12)
+    assert when[0] == pytest.approx(1 + first, abs=1e-7)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_the_greatest_of_any_series_is_where_its_slope_is_zero(seed: int) -> None:
     """Random series of degree 15, rough and smooth ones, and a hundred times the same but for a

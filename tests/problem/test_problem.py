@@ -97,6 +97,8 @@ def test_stages_that_differ_are_lists_of_the_gear() -> None:
     assert arm.gear is None
     with pytest.raises(planner.InputError, match=r"gear\.r1 \D*2 \D*joints = 4 \D*3\b"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear | {"r1": [30.0, 25.0]})
+    with pytest.raises(planner.InputError, match=r"4 \D*3 \D*2$"):
+        planner.Manipulator.from_gear(4, 2 * [planner.Gear(30.0, 36.0, 35.0, lam, 2.0)])
     changes = {"system.k_g_rule": "printed"}
     with pytest.raises(planner.InputError, match="needs equal stages"):
         planner.Problem.manipulator([1] * 4, [20] * 4, gear=gear, changes=changes)

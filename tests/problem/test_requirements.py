@@ -288,6 +288,13 @@ def test_z2_at_an_end(theta1: float, side: int, margin: float, says: str | None)
     )
 
 
+def test_z2_at_an_end_may_be_its_margin_and_no_less() -> None:
+    unicycle, q = planner.Unicycle(), np.array([0.0, 0.5, 0.3])
+    z2 = float(planner.chained_form(unicycle).z(q)[1])
+    assert Z2Margin(z2, 1).contradiction("goal", q, unicycle) is None
+    assert Z2Margin(float(np.nextafter(z2, 1.0)), 1).contradiction("goal", q, unicycle) is not None
+
+
 @pytest.mark.parametrize(
     ("joint", "deg", "says"),
     [
@@ -343,6 +350,7 @@ def test_joint_limits_are_left_out_as_far_as_their_keys_allow() -> None:
             {"limits.joint_deg": [65, 70, 50]},
         ),
         ("car", {"limits.speed_m_s": 2.0}, {"input speed": 3.0}, {"limits.speed_m_s": 3.0}),
+        ("car", {"limits.speed_m_s": 2.0}, {"input speed": 3.0004}, {"limits.speed_m_s": 3.003}),
         (
             "car",
             {"limits.steering_acceleration_rad_s2": 1.0},
@@ -469,6 +477,9 @@ def test_a_clearance_is_kept_beyond_the_disc() -> None:
         " obstacle, or lower clearance_m to 0.0999 or less"
     )
     assert Obstacle.easing([near]) == "obstacles.clearance_m = 0.0999 or less"
+    touching = _broken(disc, 0.0, 1)  # of clearances only zero would do
+    assert "clearance_m" not in disc.contradiction_text("goal", touching)
+    assert "clearance_m" not in Obstacle.easing([touching])
 
 
 @pytest.mark.parametrize("kind", [Obstacle(1, 3, 1.0, 1.0, 0.2), Z2Margin(0.1, 1)])

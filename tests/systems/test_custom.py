@@ -70,6 +70,15 @@ def test_a_link_that_turns_once_has_two_branches(value: float, sign: float) -> N
         assert system.branch(np.array([0.0, found, 0.0]))[1] == sign
 
 
+def test_there_is_no_branch_where_a_slope_turns_but_for_rounding() -> None:
+    """y' = sin θ turns at π/2, where the cosine of the nearest number is 6e-17. Nor is there any at
+    the ends of the interval."""
+    system, turn = unicycle(slopes=["sin(theta)"], intervals={"theta": (0.0, np.pi)}), np.pi / 2
+    signs = {0.0: 0, 1e-6: 1, turn - 1e-6: 1, turn: 0, turn + 1e-6: -1, np.pi: 0}
+    for theta, sign in signs.items():
+        assert system.branch(np.array([0.0, theta, 0.0]))[1] == sign
+
+
 @pytest.mark.parametrize(("value", "failing"), [(-1.3, 0), (1.2, 1)])
 def test_margin_of_a_slope_beyond_the_interval(value: float, failing: int) -> None:
     s = Coordinate("s", "")
@@ -79,6 +88,17 @@ def test_margin_of_a_slope_beyond_the_interval(value: float, failing: int) -> No
     assert np.isnan(chained_form(system).q(z, ones)[1])
     assert margins[failing] == pytest.approx(-(abs(value) - 1), abs=1e-8)
     assert np.all(np.delete(margins, failing) >= 0)
+
+
+def test_each_margin_says_of_which_coordinate_it_is() -> None:
+    copy = SYSTEMS["custom-manipulator-3"]
+    names = [c.name for c in copy.coordinates]
+    labels = copy.margin_labels
+    assert [i for i, _ in labels] == [1, 1, 1, 2, 2, 2]
+    for i, label in labels:
+        assert names[i] in label
+    for i, label in labels[2::3]:  # of the slope of the next one
+        assert [name for name in names if name in label.split()] == names[i : i + 2]
 
 
 @pytest.mark.parametrize(

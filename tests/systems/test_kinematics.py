@@ -2,6 +2,7 @@
 
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -104,6 +105,15 @@ def test_wheels_roll_without_slip_and_bodies_are_rigid(
     rear = 0 if isinstance(system, Unicycle) else 1
     speed = np.linalg.norm(velocity[rear])
     assert speed == pytest.approx(abs(u[0]), abs=1e-7)
+
+
+@pytest.mark.parametrize("name", ["unicycle", "car", "trailers-3", "coin"])
+def test_axle_points_of_many_states_are_those_of_each(name: str) -> None:
+    system: Any = SYSTEMS[name]
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 4, system.size))
+    found = system.axle_points(q)
+    for place in np.ndindex(2, 4):
+        np.testing.assert_allclose(found[place], system.axle_points(q[place]), rtol=1e-12)
 
 
 def _headings(system: TriangularSystem, q: np.ndarray) -> np.ndarray:

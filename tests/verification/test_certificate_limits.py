@@ -85,6 +85,26 @@ def test_the_way_to_a_disc_beyond_the_tip_of_links_of_any_length(
         assert claim.attained == pytest.approx(away - radius, abs=1e-6)  # sampled
 
 
+def test_the_way_to_discs_beside_links_is_known_to_a_nanometre(arc: planner.Plan) -> None:
+    """Each is on the perpendicular of a link's middle half way in time; at 20001 times."""
+    motion, _ = integrate(arc)
+    points = arc.problem.system.arm_points(motion(np.linspace(0.0, 0.4, 20001))[:, 1:])
+    middles, links = (points[:, 1:] + points[:, :-1]) / 2, np.diff(points, axis=1)
+    sides = links[10000] @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    centres = middles[10000] + 0.3 * sides
+    discs = [{"centre_m": centre.tolist(), "radius_m": 0.1} for centre in centres]
+    problem = arc.problem.changed({"obstacles": discs})
+    certificate = planner.certify(replace(arc, problem=problem))
+    for n, centre in enumerate(centres, 1):
+        off = centre - points[:, :-1]
+        share = np.clip(np.sum(off * links, axis=2) / np.sum(links**2, axis=2), 0.0, 1.0)
+        away = np.min(np.linalg.norm(off - share[..., None] * links, axis=2), axis=0)
+        for k, least in enumerate(away, 1):
+            claim = certificate[f"clearance of link {k} from obstacle {n}"]
+            assert claim.guaranteed == pytest.approx(least - 0.1, abs=1e-9)
+            assert claim.attained == pytest.approx(least - 0.1, abs=1e-9)
+
+
 def test_the_verdict_names_what_is_open(arc: planner.Plan) -> None:
     """The arc misses its goal, so that the certificate as a whole must not hold."""
     certificate = planner.certify(arc)

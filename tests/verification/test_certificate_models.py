@@ -1,5 +1,6 @@
 """Functions, polynomials and least values on cells: undefined ones, slopes, narrow dips."""
 
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly
 
 import planner
@@ -21,9 +23,10 @@ from planner.verification.balls import (
     models,
     polynomial_balls,
 )
+from planner.verification.enclosure import perturbed_motion
 from planner.verification.functions import Expression, UnboundedError, derivative, polynomials
 from planner.verification.input_models import InputSource, feedback_law, resolve, root, source_of
-from planner.verification.models import POINTS, Model, least_values
+from planner.verification.models import POINTS, Model, least_values, nodes
 from planner.verification.place_proofs import lower_model
 
 x = ca.SX.sym("x")
@@ -93,6 +96,36 @@ def test_cells_are_halved_until_the_motion_is_known_as_its_inputs_are() -> None:
         assert len(resolve(source_of(path)).cells.piece) == 4
         found = resolve(source_of(path), np.zeros(3))
     assert max(float(np.max(ball.relative_remainder)) for ball in found.rates) <= 1e-10
+
+
+@pytest.mark.parametrize("speed", [1.5, -1.5])
+def test_inputs_that_are_off_lead_to_motions_in_the_wider_balls(speed: float) -> None:
+    """A car with a trailer, pulled and backed, which folds it: by another integrator."""
+    train, start = planner.Trailers([2.0]), np.array([0.0, 0.1, 0.3, 0.1, 0.0])
+    breaks, u, off = [0.0, 0.5, 1.0], np.array([speed, 0.2]), np.array([1e-7, 2e-7])
+    still, inputs = (BPoly(np.tile(x, (1, 2, 1)), breaks) for x in (start, u))
+    with np.errstate(all="ignore"):
+        motion = resolve(source_of(StateTrajectory(train, still, inputs)), start)
+        found = perturbed_motion(train, motion, off)
+    times = motion.cells.times(nodes())
+    far = np.zeros((train.size, *times.shape))
+    for signs in product((-1, 0, 1), repeat=2):
+        true = solve_ivp(
+            lambda _, q, u: train.rates(q, u),
+            (0.0, 1.0),
+            start,
+            "DOP853",
+            t_eval=times.ravel(),
+            args=(u + signs * off,),
+            rtol=1e-12,
+            atol=1e-13,
+        ).y.reshape(far.shape)
+        for i, ball in enumerate(found.q):
+            away = np.abs(true[i] - ball.points.c)
+            assert np.all(away <= ball.points.r + 1e-11), i
+            far[i] = np.maximum(far[i], away)
+    most = [np.max(ball.points.r) for ball in found.q]
+    assert np.all(most <= 20 * np.max(far, axis=(1, 2)))
 
 
 def test_a_cell_of_noise_is_halved_once_however_often_others_are() -> None:
@@ -184,7 +217,8 @@ def whole_ball(value: float) -> Ball:
 )
 def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> None:
     """A point on the line of a link of length 0.7, at a along it: from behind its base (a > 0)
-    to beyond its end. On one range of a the bound is the distance itself."""
+    to beyond its end. On one range of a the bound is the distance itself, and across two ranges it
+    is at both ends."""
     length, middle, half = 0.7, (low + high) / 2, (high - low) / 2
     x = np.linspace(-1, 1, 41)
     a = middle + half * x
@@ -196,3 +230,5 @@ def test_no_place_of_a_link_is_farther_than_it_is(low: float, high: float) -> No
     assert np.all(bound - found.r <= truth + 1e-12)
     if low >= 0 or high <= -length or (high <= 0 and low >= -length):
         assert bound == pytest.approx(truth, abs=1e-12)
+    else:
+        assert bound[[0, -1]] == pytest.approx(truth[[0, -1]], abs=1e-12)

@@ -21,6 +21,7 @@ from planner.plan.trajectory import StateTrajectory
 from planner.support.calculus import bernstein
 from planner.support.calculus.bernstein import Bernstein
 
+PROBLEMS = Path(__file__).parents[2] / "problems"
 Edit = Callable[[dict[str, Any]], object]
 
 
@@ -218,6 +219,14 @@ def test_a_false_objective_is_corrected_with_a_warning(plan: planner.Plan, tmp_p
     close = plan.objective * (1 + 1e-10)
     path = edited(plan, tmp_path / "x.json", put("objective", close))
     assert planner.load_plan(path).objective == close
+
+
+def test_an_objective_of_zero_is_right_where_nothing_turns(tmp_path: Path) -> None:
+    straight = planner.load_problem(PROBLEMS / "unicycle.toml").changed({"goal.y_m": 0.0})
+    plan = planner.solve(straight, "convex", objective="smooth", pieces=20)
+    assert plan.objective == 0.0
+    back = planner.load_plan(plan.save(tmp_path / "x.json"), strict=True)
+    assert (back.objective, back.notes) == (0.0, plan.notes)
 
 
 WEIGHTS = {"objective": "mixed", "smoothness_weight": 1 / 3, "edge_weight": 1.3}

@@ -117,7 +117,9 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
     if isinstance(feasible, Farkas):
         return feasible
     C, d = frame.coefficient_rows()
-    unit = float(np.mean(np.linalg.norm(C, axis=1)))
+    if not np.any(C @ feasible.y + d):
+        return replace(feasible, value=0.0, bound=0.0)
+    unit, least = float(np.mean(np.linalg.norm(C, axis=1))), float(np.linalg.norm(C, ord=-2))
     one = np.ones((len(C), 1))
     rows = np.block([[C / unit, -one], [-C / unit, -one], [A, np.zeros((len(A), 1))]])
     limit = np.concatenate([-d / unit, d / unit, b])
@@ -128,9 +130,11 @@ def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | F
         assert isinstance(answer, Optimum)  # with an infinite radius no certificate has a margin
         y = centre[:-1] + answer.y[:-1] * shrink[0]
         value = float(np.max(np.abs(C @ y + d)))
-        # Minimise the Lagrangian of min t over |y| ≤ radius, with the multipliers scaled for t.
+        # Minimise the Lagrangian of min t over all |y| of so small a peak, with the multipliers
+        # scaled for t.
         dual = answer.multipliers / -(rows[:, -1] @ answer.multipliers)
-        slack = radius * float(np.linalg.norm(rows[:, :-1].T @ dual))
+        reach = min(radius, (float(np.linalg.norm(d)) + len(C) ** 0.5 * value) / least)
+        slack = reach * float(np.linalg.norm(rows[:, :-1].T @ dual))
         bound = unit * float(-dual @ limit - slack)
         centre = np.append(y, 0.0)
         if value - bound <= 1e-9 * value:

@@ -117,6 +117,16 @@ def test_peak_objective_lowers_its_peak(wide: planner.Problem) -> None:
     assert peak.objective < 0.95 * np.abs(smooth.v(t)[:, 1]).max()
 
 
+@pytest.mark.parametrize("aside_m", [1.0, 0.1, 1e-3, 1e-5, 0.0])
+def test_a_peak_is_proven_least_however_small_it_is(aside_m: float) -> None:
+    path = Path(__file__).parents[3] / "problems/unicycle.toml"
+    plan = planner.solve(
+        planner.load_problem(path, {"goal.y_m": aside_m}), "convex", objective="peak"
+    )
+    assert plan.objective == pytest.approx(0.4 * aside_m, rel=1e-9)
+    assert 0 <= optimality(plan)["relative_gap"] < 1e-11
+
+
 def test_free_duration_is_the_least_of_the_path(paper: planner.Problem) -> None:
     """The one that `retime` finds, which is a few seconds where v₁ constant takes minutes."""
     free = paper.changed({"goal.duration": "free", "goal.travel": 0.83})

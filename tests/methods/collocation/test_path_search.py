@@ -81,28 +81,44 @@ def test_of_the_loops_only_the_shortest_is_kept(monkeypatch: pytest.MonkeyPatch)
     assert paths.distinct[0].seed.endswith(", moved")
 
 
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Enough]:
+    """The rules that searches of a route's paths are given; they find nothing."""
+    rules: list[Enough] = []
+
+    def nothing(job: Any, guesses: Any, enough: Enough, *_: Any) -> Paths:
+        rules.append(enough)
+        return Paths()
+
+    monkeypatch.setattr(pipeline, "search", nothing)
+    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
+    return rules
+
+
+def _find_paths(
+    monkeypatch: pytest.MonkeyPatch, run: Pipeline, proof: str | None, ladder: bool
+) -> None:
+    monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
+    monkeypatch.setattr(pipeline, "has_ladder", lambda _: ladder)
+    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
+    run._find_paths(0, job)
+
+
 @pytest.mark.parametrize(
     ("branches", "proof", "enough"),
     [(1, None, 7), (2, None, 4), (3, None, 3), (9, None, 1), (1, "too short", 1)],
 )
 def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
-    monkeypatch: pytest.MonkeyPatch, branches: int, proof: str | None, enough: int
+    monkeypatch: pytest.MonkeyPatch,
+    asked: list[Enough],
+    branches: int,
+    proof: str | None,
+    enough: int,
 ) -> None:
-    asked: list[int] = []
-
-    def nothing(job: Any, guesses: Any, enough: Enough, *_: Any) -> Paths:
-        asked.append(enough.clear)
-        return Paths()
-
-    monkeypatch.setattr(pipeline, "search", nothing)
-    monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
-    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *_: None)
-    monkeypatch.setattr(pipeline, "has_ladder", lambda _: False)
     goal: Any = SimpleNamespace(free=(2,), divided=False, system=None, obstacles=())
-    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
-    run = Pipeline([goal] * branches, CollocationOptions(starts=7, attempts=9), Record(1e-6))
-    run._find_paths(0, job)
-    assert asked == [enough]
+    options = CollocationOptions(starts=7, attempts=9)
+    _find_paths(monkeypatch, Pipeline([goal] * branches, options, Record(1e-6)), proof, False)
+    assert [each.clear for each in asked] == [enough]
 
 
 @pytest.mark.parametrize(
@@ -115,24 +131,21 @@ def test_branches_of_a_goal_share_the_starts_and_a_proven_refusal_needs_one(
         ("wander", True, None, None),  # the ladder serves no start that is given
     ],
 )
-def test_paths_are_shorter_where_the_ladder_can_find_another(
-    monkeypatch: pytest.MonkeyPatch, start: Any, ladder: bool, proof: str | None, rule: str | None
+def test_a_search_is_told_how_long_a_path_may_be_where_a_ladder_can_find_another(
+    monkeypatch: pytest.MonkeyPatch,
+    asked: list[Enough],
+    start: Any,
+    ladder: bool,
+    proof: str | None,
+    rule: str | None,
 ) -> None:
-    asked: list[float] = []
-
-    def nothing(job: Any, guesses: Any, enough: Enough, *_: Any) -> Paths:
-        asked.append(enough.longest)
-        return Paths()
-
-    monkeypatch.setattr(pipeline, "search", nothing)
-    monkeypatch.setattr(pipeline, "why_too_short", lambda _: proof)
-    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *given: asked.append(given[3]))
-    monkeypatch.setattr(pipeline, "has_ladder", lambda _: ladder)
-    goal: Any = SimpleNamespace(free=(), divided=False, system=None, obstacles=())
-    job: Any = SimpleNamespace(mesh=SimpleNamespace(marks=()))
-    Pipeline([goal], CollocationOptions(start=start), Record(1e-6))._find_paths(0, job)
     longest = math.inf if rule is None else pipeline.LADDER_INTERVALS[rule]
-    assert asked == [longest, longest]
+    refined: list[float] = []
+    monkeypatch.setattr(pipeline.RoutePaths, "of", lambda *given: refined.append(given[3]))
+    goal: Any = SimpleNamespace(free=(), divided=False, system=None, obstacles=())
+    run = Pipeline([goal], CollocationOptions(start=start), Record(1e-6))
+    _find_paths(monkeypatch, run, proof, ladder)
+    assert [each.longest for each in asked] == refined == [longest]
 
 
 @pytest.mark.parametrize(("ways", "guesses"), [(0, 9), (1, 4), (2, 4)])

@@ -211,9 +211,9 @@ def _violations(frame: Frame, band: Band, y: Array, proof: bool) -> tuple[Touch,
     return touch, max(low.proven, high.proven)
 
 
-Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling]
+Solve = Callable[[float, Touch, float], ClassOptimum | EmptyClass | BoundAboveCeiling | None]
 """Function from (travel, cuts of a neighbouring travel, ceiling) to the result at the travel, as
-`optimum_by_cuts` returns it."""
+`optimum_by_cuts` returns it; None if the optimum leaves the chart's domain."""
 
 
 @dataclass
@@ -224,12 +224,14 @@ class BestTravel:
         best: The best optimum found, or None if no travel tried has a path.
         refusals: Certificates of the travels that have no path.
         tried: Number of travels tried.
+        stalls: Number of these at which a programme was neither solved nor refuted.
         kept: Travels that have a path, or whose search ended early above the ceiling.
     """
 
     best: ClassOptimum | None = None
     refusals: list[EmptyClass] = field(default_factory=list)
     tried: int = 0
+    stalls: int = 0
     kept: list[float] = field(default_factory=list)
 
     @property
@@ -255,9 +257,10 @@ def search_travels(solve: Solve, travels: Array, prune: bool = True) -> BestTrav
         try:
             answer = solve(float(travel), touch, ceiling)
         except StalledError:
+            search.stalls += 1
             return float(np.inf)
-        if isinstance(answer, EmptyClass):
-            search.refusals.append(answer)
+        if answer is None or isinstance(answer, EmptyClass):
+            search.refusals += [answer] if answer else []
             return float(np.inf)
         search.kept.append(float(travel))
         if isinstance(answer, BoundAboveCeiling):

@@ -22,7 +22,6 @@ from planner.methods.convex.global_optimum import (
     search_travels,
 )
 from planner.methods.convex.paths import Frame, Shape, input_shape
-from planner.methods.convex.programme import StalledError
 from planner.methods.laws.free_numbers import candidate_travels
 from planner.methods.laws.law import chart_ends, refuse_zero_drive
 from planner.methods.refusal import BY_COLLOCATION, Change, duration_change, travel_changes
@@ -161,13 +160,13 @@ def _best_path(
 
     def solve(
         travel: float, rows: Touch, ceiling: float
-    ) -> ClassOptimum | EmptyClass | BoundAboveCeiling:
+    ) -> ClassOptimum | EmptyClass | BoundAboveCeiling | None:
         goal, most = options.objective, options.max_cuts
         answer = optimum_by_cuts(frame.at(travel), band, goal, rows, most, ceiling)
         if isinstance(answer, ClassOptimum) and not band.complete:
             path = _path(problem, answer.frame, answer.y)
             if np.min(worst_margin(path.margins(sample_times(path.breaks)))) < least_margin:
-                raise StalledError("the path leaves the chart's domain")
+                return None
         return answer
 
     middle = options.travel == "middle" and len(travels) > 1
@@ -251,9 +250,12 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
     """Return the refusal of a problem for which no path was found, with a certificate if known."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
     if not search.refusals:
-        why = f"no quadratic program converged ({search.tried} tried), for {_class_words(shape)}"
+        why = (
+            f"no quadratic program converged at {search.stalls} of {search.tried} travels tried,"
+            f" for {_class_words(shape)}"
+        )
         ways: str | None = "other method.convex.pieces"
-        if not band.complete:
+        if not search.stalls:
             why = (
                 f"the best of all {_class_words(shape)} leaves the chart's domain at every"
                 f" travel tried ({search.tried}); for this system the domain is not convex, so"

@@ -12,6 +12,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import planner
+from planner.methods.convex import method
+from planner.methods.convex.programme import StalledError
 from planner.plan.measures import peak_rates
 from planner.problem.requirements.requirement import MotionPoint, Part, Requirement
 from planner.solve import solve_and_check
@@ -255,6 +257,17 @@ def test_four_joints_at_the_edge_of_the_domain(seed: int) -> None:
     with pytest.raises(planner.NotConvergedError, match="is not convex") as caught:
         planner.solve(four_joints(seed, bumps=True), "convex", pieces=30)
     assert "collocation" in {change.method for change in caught.value.changes}
+
+
+def test_programmes_that_stall_are_not_laid_on_the_domain(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stall(*args: Any) -> None:
+        raise StalledError
+
+    monkeypatch.setattr(method, "optimum_by_cuts", stall)
+    with pytest.raises(planner.NotConvergedError, match="converged at 1 of 1 travels") as caught:
+        planner.solve(four_joints(3, bumps=False), "convex", pieces=30)
+    assert "convex, so" not in str(caught.value)
+    assert "method.convex.pieces" in caught.value.ways[0]
 
 
 @pytest.mark.parametrize("name", ["car", "unicycle", "trailers", "ball-gear"])

@@ -83,4 +83,7 @@ def test_stalls_are_passed_over() -> None:
     found = search_travels(solve, np.linspace(0.1, 0.9, 9))
     assert found.best is not None
     assert 0.5 <= found.best.frame.travel < 0.51
-    assert search_travels(solve, np.array([0.2])).best is None
+    alone = search_travels(solve, np.array([0.2]))
+    assert (alone.best, alone.tried, alone.stalls) == (None, 1, 1)
+    outside = search_travels(lambda travel, rows, ceiling: None, np.linspace(0.1, 0.9, 9))
+    assert (outside.best, outside.tried, outside.stalls) == (None, 9, 0)

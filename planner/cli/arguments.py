@@ -152,8 +152,9 @@ def refuse_given(context: typer.Context, names: Iterable[str], why: str) -> None
         InputError: If any of them is given.
     """
     found = {name: context.get_parameter_source(name) for name in names}
-    if given := [f"--{name}" for name, kind in found.items() if kind and kind.name != "DEFAULT"]:
-        raise InputError(f"{' and '.join(given)}: {why}")
+    given = [name for name, kind in found.items() if kind and kind.name != "DEFAULT"]
+    if options := [each.opts[0] for each in context.command.params if each.name in given]:
+        raise InputError(f"{' and '.join(options)}: {why}")
 
 
 def read_problem(path: Path, changes: list[str] | None, machine: Path | None = None) -> Problem:

@@ -26,6 +26,7 @@ from planner.cli.arguments import (
     join_methods,
     parse_changes,
     read_problem,
+    refuse_given,
 )
 from planner.cli.output import (
     INTERRUPT_STATUS,
@@ -222,6 +223,7 @@ def _print_comparison(result: Comparison) -> None:
 
 
 def budget(
+    context: typer.Context,
     subject: PlanOrProblemPath,
     methods: PlannedMethods = None,
     samples: Samples = 200,
@@ -249,6 +251,8 @@ def budget(
     """
     find_salib()
     refuse_unwritable_folder(out)
+    if is_plan(subject):
+        refuse_given(context, ["methods"], f"for a problem, but {subject} is a plan")
     plans = _plans(subject, join_methods(methods), changes)
     problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
     machine = Machine.from_table(problem.machine)
@@ -263,11 +267,9 @@ def budget(
 
 def _plans(subject: Path, methods: str | None, changes: list[str] | None) -> dict[str, Plan]:
     if is_plan(subject):
-        if methods is not None:
-            raise InputError(f"{subject} is a plan; --methods is for problem files")
         if others := [k for k in parse_changes(changes or []) if k.split(".")[0] != "machine"]:
-            names = ", ".join(others)
-            raise InputError(f"{subject} is a plan; --set changes its machine, but not {names}")
+            names = ", ".join(f"--set {key}" for key in others)
+            raise InputError(f"{names}: for a problem, but {subject} is a plan")
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     with job() as progress:

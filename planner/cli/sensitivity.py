@@ -92,9 +92,8 @@ def sensitivity(
             context, ["points", "samples", "seed"], "without effect, unless --pareto is given"
         )
     if is_plan(source):
-        refuse_given(
-            context, ["method", "methods", "pareto"], f"for a problem, but {source} is a plan"
-        )
+        names = ["method", "methods", "pareto", "changes"]
+        refuse_given(context, names, f"for a problem, but {source} is a plan")
     if methods is not None:
         refuse_given(context, ["method", "machine"], "without effect beside --methods")
     if pareto is not None:
@@ -149,11 +148,9 @@ def _side_by_side(source: Path, methods: str, changes: list[str] | None, out: Pa
 
 
 def _plan(source: Path, method: str, changes: list[str] | None) -> Plan:
-    if not is_plan(source):
-        return solve(read_problem(source, changes), method)
-    if changes:
-        raise InputError(f"{source} is a plan; --set changes problem files only")
-    return load_plan(source, strict=True)
+    if is_plan(source):
+        return load_plan(source, strict=True)
+    return solve(read_problem(source, changes), method)
 
 
 def _advice(plan: Plan, spec: Spec) -> str:

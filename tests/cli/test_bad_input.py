@@ -199,7 +199,10 @@ LONG, ARMS = "n" * 300, "an arm here has 2 to 8 joints"
         ("export paper.toml -o y.csv", "`planner plan PROBLEM --out FILE` writes a plan file"),
         ("sensitivity none.json", "cannot read none.json"),
         ("sensitivity plan.json", "is not a plan file"),
-        ("sensitivity plan.json --set goal.duration=3", "--set changes problem files only"),
+        (
+            "sensitivity plan.json --set goal.duration=3",
+            "--set: for a problem, but plan.json is a plan",
+        ),
         ("sensitivity paper.toml --out mine", "mine holds files"),
         ("sensitivity paper.toml --pareto effort", "--out"),
         ("sensitivity paper.toml --pareto money --out x", "money"),

@@ -65,6 +65,19 @@ def test_the_lag_of_servos_and_delay_is_taken_off(plan: Plan) -> None:
     assert after < before / 10
 
 
+def test_commands_that_are_linear_pass_through_the_inputs_at_the_ticks(
+    paper: planner.Problem,
+) -> None:
+    """Commands that are held have their means over the ticks."""
+    plan = planner.solve(paper.changed({"limits.input_rate_rad_s2": 1.0}), "collocation")
+    machine = planner.Machine.ideal()
+    later = slice(100, -100)  # at the ends the half tick is made up at the largest rate
+    t, sent = shape(plan, machine).t[:-1], told(plan, machine)
+    np.testing.assert_allclose(sent[later], plan.u(t[later]), atol=2e-5)
+    held = told(plan, machine.with_(control_period_s=0.01))
+    np.testing.assert_allclose(held[later], plan.u(t[later] + 0.005), atol=2e-5)
+
+
 def test_a_prediction_covers_the_plan_and_no_more(plan: Plan) -> None:
     machine = planner.Machine.ideal(servo_bandwidth_rad_s=20.0)
     predicted = with_prediction(plan, machine)

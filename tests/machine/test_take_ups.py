@@ -263,6 +263,28 @@ def test_the_cheapest_step_that_leaves_little_of_a_miss_is_taken(
     assert (found and found[1][-1, 0]) == taken
 
 
+@pytest.mark.parametrize("power", [2, 8])
+def test_a_correction_is_judged_by_a_power_mean_of_its_errors(turning: Plan, power: int) -> None:
+    shape = CommandShape(turning, turning.problem.system, MACHINE, CompensationTable())  # type: ignore[arg-type]
+    correction = Correction(turning, MACHINE, shape)
+    runs = Runs(np.array([[3.0, -4.0]]), np.zeros((1, 2)), np.ones((1, 2)))
+    wanted = ((3.0**power + 4.0**power) / 2) ** (1 / power)
+    assert correction._measure(runs, correction.values, power, 1.0) == pytest.approx(wanted)
+
+
+def test_each_take_up_has_the_plan_up_to_half_way_to_the_other_turns(
+    turning: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[float, float]] = []
+    q_of = turning.trajectory.q
+    monkeypatch.setattr(
+        type(turning.trajectory), "q", lambda _, t: asked.append((t[0], t[-1])) or q_of(t)
+    )
+    needs = np.full(2, 0.02)
+    take_ups(turning, turning.problem.system, MACHINE, 1.0, [4.0, 8.0], needs, 0.01, 9.0)  # type: ignore[arg-type]
+    assert asked == [(0.0, 6.0), (6.0, 15.0)]
+
+
 def test_what_is_known_before_the_start_is_not_taken_up_again(turning: Plan) -> None:
     system, machine = turning.problem.system, planner.Machine.prototype()
     way, _ = reversals(turning)

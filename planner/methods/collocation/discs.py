@@ -4,8 +4,8 @@ A way through the free joint space, which ignores the kinematics, leads from cor
 room around each (`find_way`). From each corner to the next a path is found from the usual first
 guesses; the first path that clears all discs is enough. The legs are joined and shortened.
 Meanwhile, and when a path is timed, discs grow in each interval of the mesh up to a share of their
-distance from the links, and an interval in which links pass over a disc is halved, so that links
-stay on their side.
+distance from the links: the near ones; once a link has passed over a disc, all. The interval in
+which it passed is halved. So links stay on their side.
 
 Links could pass over thin discs between two nodes. So motions are searched with thick discs
 (`thicknesses`) and then solved with thinner and thinner ones: a motion that clears a thick disc
@@ -126,9 +126,9 @@ def _mesh(widths: Array) -> Mesh:
 
 def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
     """Solve from a start that clears all discs, with links kept on the same side of each disc."""
-    best: tuple[Task, Solution] | None = None
+    best, most = None, float(THICKNESSES[0])
     for _ in range(ROUNDS):
-        solution = replace(job, inset=_growth(job, start)).solve(start, near=True)
+        solution = replace(job, inset=_growth(job, start, most)).solve(start, near=True)
         if not solution.ok:
             break
         if clears(job, solution):
@@ -140,24 +140,24 @@ def _solve_clear(job: Task, start: Iterate) -> tuple[Task, Solution] | None:
             passed = inspect(job, solution).excess.any(axis=1)
             halved = np.convolve(passed, np.ones(3), mode="same") > 0  # with their neighbours
             finer = job.on_mesh(_mesh(np.repeat(job.mesh.widths / (1 + halved), 1 + halved)))
-            job, start = finer, transfer(job, start, finer)
+            job, start, most = finer, transfer(job, start, finer), math.inf
     if best and (last := best[0].solve(best[1].iterate, near=True)).ok:
         return (best[0], last) if clears(best[0], last) else best
     return best
 
 
-def _growth(task: Task, start: Iterate) -> Array:
+def _growth(task: Task, start: Iterate, most: float) -> Array:
     """Return by how much discs may grow in each interval, (K, R), in the unit of the discs' rows.
 
-    A disc grows by at most the fraction `KEPT` of its distance from the links.
+    A disc grows by at most the fraction `KEPT` of its distance from the links, and by at most
+    `most` lengths of the arm.
     """
     system, curves, out = task.problem.system, task.motion_apart(start), []
     for required in task.requirements:
         amounts = np.zeros((len(curves), len(required.parts)))
         if isinstance(required, Obstacle) and isinstance(system, PlanarArm):
             room = required.clearances(system.arm_points(curves[..., 1:])).min(axis=1)
-            most = THICKNESSES[0] * required.reach
-            room = np.clip(KEPT * (room - required.clearance), 0.0, most)
+            room = np.clip(KEPT * (room - required.clearance), 0.0, most * required.reach)
             amounts = room + room**2 / (2 * required.thickness)
         out.append(amounts)
     return np.concatenate(out, axis=1)

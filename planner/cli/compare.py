@@ -252,7 +252,7 @@ def budget(
     find_salib()
     refuse_unwritable_folder(out)
     if is_plan(subject):
-        refuse_given(context, ["methods"], f"for a problem, but {subject} is a plan")
+        refuse_given(context, ["methods"], f"for a problem, but {subject} is named as a plan")
     plans = _plans(subject, join_methods(methods), changes)
     problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
     machine = Machine.from_table(problem.machine)
@@ -269,7 +269,7 @@ def _plans(subject: Path, methods: str | None, changes: list[str] | None) -> dic
     if is_plan(subject):
         if others := [k for k in parse_changes(changes or []) if k.split(".")[0] != "machine"]:
             names = ", ".join(f"--set {key}" for key in others)
-            raise InputError(f"{names}: for a problem, but {subject} is a plan")
+            raise InputError(f"{names}: for a problem, but {subject} is named as a plan")
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     with job() as progress:

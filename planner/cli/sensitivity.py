@@ -87,13 +87,12 @@ def sensitivity(
       planner sensitivity plan.json --json
       planner sensitivity problems/paper.toml --pareto effort --out out/trade-off
     """
-    if pareto is None:
-        refuse_given(
-            context, ["points", "samples", "seed"], "without effect, unless --pareto is given"
-        )
+    only = ["points", "samples", "seed"]
     if is_plan(source):
-        names = ["method", "methods", "pareto", "changes"]
-        refuse_given(context, names, f"for a problem, but {source} is a plan")
+        names = ["method", "methods", "pareto", *only, "changes"]
+        refuse_given(context, names, f"for a problem, but {source} is named as a plan")
+    if pareto is None:
+        refuse_given(context, only, "without effect, unless --pareto is given")
     if methods is not None:
         refuse_given(context, ["method", "machine"], "without effect beside --methods")
     if pareto is not None:

@@ -98,7 +98,13 @@ def solve(goal: Goal, frame: Frame, A: Array, b: Array, radius: float) -> Optimu
         StalledError: If no solution and no proof is found within tolerance.
     """
     if goal == "peak":
-        return _lowest_peak(frame, A, b, radius)
+        C, d = frame.coefficient_rows()
+        size = float(np.max(-b / np.linalg.norm(A, axis=1), initial=np.linalg.norm(d))) or 1.0
+        best = _lowest_peak(C, d / size, A, b / size, radius / size)
+        if isinstance(best, Farkas):
+            return replace(best, value=size * best.value, radius=radius)
+        values = size * best.excess, size * best.value, size * best.bound
+        return Optimum(size * best.y, best.multipliers, *values)
     answer = solve_quadratic(A, b, radius)
     if isinstance(answer, Farkas):
         return answer
@@ -107,33 +113,34 @@ def solve(goal: Goal, frame: Frame, A: Array, b: Array, radius: float) -> Optimu
     return replace(answer, value=value, bound=bound)
 
 
-def _lowest_peak(frame: Frame, A: Array, b: Array, radius: float) -> Optimum | Farkas:
-    """Minimise the peak t of |ω| ≤ t over A y ≤ b: repeat min ½t² + ½ε|y − c|², c the previous y.
+def _lowest_peak(C: Array, d: Array, A: Array, b: Array, radius: float) -> Optimum | Farkas:
+    """Minimise the peak t of |C y + d| ≤ t over A y ≤ b: repeat min ½t² + ½ε|y − c|², c the
+    previous y.
 
-    This proximal iteration ends exactly after finitely many steps (Rockafellar, *Monotone operators
-    and the proximal point algorithm*, 1976), usually two.
+    The tolerances are for programmes of the size of 1. This proximal iteration ends exactly after
+    finitely many steps (Rockafellar, *Monotone operators and the proximal point algorithm*, 1976),
+    usually two; the smaller ε, the fewer.
     """
     feasible = solve_quadratic(A, b, radius)
     if isinstance(feasible, Farkas):
         return feasible
-    C, d = frame.coefficient_rows()
     if not np.any(C @ feasible.y + d):
         return replace(feasible, value=0.0, bound=0.0)
     unit, least = float(np.mean(np.linalg.norm(C, axis=1))), float(np.linalg.norm(C, ord=-2))
     one = np.ones((len(C), 1))
     rows = np.block([[C / unit, -one], [-C / unit, -one], [A, np.zeros((len(A), 1))]])
     limit = np.concatenate([-d / unit, d / unit, b])
-    shrink = np.append(np.full(frame.size, PROX**-0.5), 1.0)
-    centre = np.zeros(frame.size + 1)
-    for _ in range(8):
+    shrink, centre = np.ones(C.shape[1] + 1), np.zeros(C.shape[1] + 1)
+    for k in range(8):
+        shrink[:-1] = (PROX / 10 ** (k // 2)) ** -0.5
         answer = solve_quadratic(rows * shrink, limit - rows @ centre, np.inf)
         assert isinstance(answer, Optimum)  # with an infinite radius no certificate has a margin
         y = centre[:-1] + answer.y[:-1] * shrink[0]
         value = float(np.max(np.abs(C @ y + d)))
-        # Minimise the Lagrangian of min t over all |y| of so small a peak, with the multipliers
+        # Minimise the Lagrangian of min t over all y of so small a peak, with the multipliers
         # scaled for t.
         dual = answer.multipliers / -(rows[:, -1] @ answer.multipliers)
-        reach = min(radius, (float(np.linalg.norm(d)) + len(C) ** 0.5 * value) / least)
+        reach = (float(np.linalg.norm(d)) + len(C) ** 0.5 * value) / least
         slack = reach * float(np.linalg.norm(rows[:, :-1].T @ dual))
         bound = unit * float(-dual @ limit - slack)
         centre = np.append(y, 0.0)

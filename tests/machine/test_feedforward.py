@@ -73,9 +73,11 @@ def test_commands_that_are_linear_pass_through_the_inputs_at_the_ticks(
     machine = planner.Machine.ideal()
     later = slice(100, -100)  # at the ends the half tick is made up at the largest rate
     t, sent = shape(plan, machine).t[:-1], told(plan, machine)
-    np.testing.assert_allclose(sent[later], plan.u(t[later]), atol=2e-5)
+    np.testing.assert_allclose(
+        sent[later], plan.u(t[later]), atol=5e-5
+    )  # half a tick off it is 2e-4
     held = told(plan, machine.with_(control_period_s=0.01))
-    np.testing.assert_allclose(held[later], plan.u(t[later] + 0.005), atol=2e-5)
+    np.testing.assert_allclose(held[later], plan.u(t[later] + 0.005), atol=5e-5)
 
 
 def test_a_prediction_covers_the_plan_and_no_more(plan: Plan) -> None:

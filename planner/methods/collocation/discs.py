@@ -4,8 +4,8 @@ A way through the free joint space, which ignores the kinematics, leads from cor
 room around each (`find_way`). From each corner to the next a path is found from the usual first
 guesses; the first path that clears all discs is enough. The legs are joined and shortened.
 Meanwhile, and when a path is timed, discs grow in each interval of the mesh up to a share of their
-distance from the links: the near ones; once a link has passed over a disc, all. The interval in
-which it passed is halved. So links stay on their side.
+distance from the links, at first also only up to the greatest thickness. Once a link has passed
+over a disc, that bound falls, and the interval is halved. So links stay on their side.
 
 Links could pass over thin discs between two nodes. So motions are searched with thick discs
 (`thicknesses`) and then solved with thinner and thinner ones: a motion that clears a thick disc

@@ -224,7 +224,7 @@ class BestTravel:
         best: The best optimum found, or None if no travel tried has a path.
         refusals: Certificates of the travels that have no path.
         tried: Number of travels tried.
-        stalls: Number of these at which a programme was neither solved nor refuted.
+        stalls: Number of these at which neither an optimum was found nor a proof that none exists.
         kept: Travels that have a path, or whose search ended early above the ceiling.
     """
 

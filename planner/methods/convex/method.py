@@ -250,18 +250,16 @@ def _no_path(problem: Problem, shape: Shape, band: Band, search: BestTravel) -> 
     """Return the refusal of a problem for which no path was found, with a certificate if known."""
     changes = [*travel_changes(problem), BY_COLLOCATION]
     if not search.refusals:
-        why = (
-            f"no quadratic program converged at {search.stalls} of {search.tried} travels tried,"
-            f" for {_class_words(shape)}"
-        )
-        ways: str | None = "other method.convex.pieces"
-        if not search.stalls:
+        stalls, words = search.stalls, _class_words(shape)
+        why = f"no best path was found at any of {stalls} travels tried, of {words}"
+        ways = "other method.convex.pieces, or more method.convex.max_cuts" if stalls else None
+        if left := search.tried - stalls:
+            found = " at which it was found" if stalls else ""
             why = (
-                f"the best of all {_class_words(shape)} leaves the chart's domain at every"
-                f" travel tried ({search.tried}); for this system the domain is not convex, so"
-                " the method cannot stay inside it"
+                f"the best of all {words} leaves the chart's domain at every travel tried{found}"
+                f" ({left}); for this system the domain is not convex, so the method cannot stay"
+                " inside it"
             )
-            ways = None
         return NotConvergedError(why, source=problem.source, advice=ways, changes=changes)
     first = search.refusals[0]
     steepest = "" if band.complete else f" and |dz2/dtau| up to {MOST_SLOPE:.0e}"

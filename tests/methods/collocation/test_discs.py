@@ -181,7 +181,6 @@ def test_no_way_around_is_refused_with_the_disc_named() -> None:
         pytest.param(((2.6, 0.6), (2.6, 1.3)), 8, 0.01, 1.0, marks=pytest.mark.campaign),
         pytest.param(((1.8, 1.9), (2.3, 2.0)), 6, 0.001, 1.7, marks=pytest.mark.campaign),
         pytest.param(((2.8, 0.4), (2.5, 0.7)), 4, 0.005, 1.6, marks=pytest.mark.campaign),
-        pytest.param(((1.792, 1.098), (2.108, 1.144)), 3, 0.005, 2.8, marks=pytest.mark.campaign),
     ],
 )
 def test_a_wall_of_small_discs_is_passed(ends: Any, count: int, radius: float, most: float) -> None:

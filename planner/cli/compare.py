@@ -252,7 +252,10 @@ def budget(
     find_salib()
     refuse_unwritable_folder(out)
     if is_plan(subject):
-        refuse_given(context, ["methods"], f"for a problem, but {subject} is named as a plan")
+        why = f"for a problem, but {subject} is named as a plan"
+        refuse_given(context, ["methods"], why)
+        if others := [k for k in parse_changes(changes or []) if k.split(".")[0] != "machine"]:
+            raise InputError(f"{', '.join(f'--set {key}' for key in others)}: {why}")
     plans = _plans(subject, join_methods(methods), changes)
     problem = next(iter(plans.values())).problem.changed(parse_changes(changes or []))
     machine = Machine.from_table(problem.machine)
@@ -267,9 +270,6 @@ def budget(
 
 def _plans(subject: Path, methods: str | None, changes: list[str] | None) -> dict[str, Plan]:
     if is_plan(subject):
-        if others := [k for k in parse_changes(changes or []) if k.split(".")[0] != "machine"]:
-            names = ", ".join(f"--set {key}" for key in others)
-            raise InputError(f"{names}: for a problem, but {subject} is named as a plan")
         plan = load_plan(subject, strict=True)
         return {plan.method: plan}
     with job() as progress:
